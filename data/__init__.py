@@ -1,0 +1,1 @@
+"""The catalogue of public inputs: names, addresses, hashes and licences; no code."""

@@ -1,0 +1,1 @@
+"""Reflectance models: one a file, named as its paper names it."""

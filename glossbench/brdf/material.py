@@ -1,0 +1,84 @@
+"""Materials: a diffuse part and any number of glossy lobes; reflectance models by name and options."""
+
+from dataclasses import dataclass
+from math import pi
+
+import torch
+from torch import Tensor
+
+from glossbench.brdf.lobe import Channels, Lobe, add
+from glossbench.directions import Vec3, points_2d
+from glossbench.options import Options
+from glossbench.registry import Registry
+
+
+@dataclass(frozen=True)
+class Reflectance:
+    """What a material is made of, as tensors: f(wo, wi) = diffuse / pi + sum of lobe.f(wo, wi).
+
+    Attributes:
+        diffuse: diffuse albedo a channel (one channel when the material is grey, else three); empty for none.
+        lobes: the glossy lobes, strongest first or in the author's order.
+    """
+
+    diffuse: Channels
+    lobes: tuple[Lobe, ...]
+
+    def share(self, samples: int) -> list[int]:
+        """A budget of samples divided among the lobes in proportion to ks; each gets at least one."""
+        strength = [float(torch.stack(lobe.ks).mean()) for lobe in self.lobes]
+        total = sum(strength)
+        parts = [samples * (s / total if total > 0 else 1 / len(strength)) for s in strength]
+        counts = [max(1, int(part)) for part in parts]
+        # What rounding down left goes to the largest remainders.
+        order = sorted(range(len(parts)), key=lambda i: counts[i] - parts[i])
+        for i in order[: max(0, samples - sum(counts))]:
+            counts[i] += 1
+        return counts
+
+    def diffuse_f(self) -> Channels:
+        """The diffuse part of f above the surface, albedo / pi [1/sr] a channel."""
+        return tuple(d / pi for d in self.diffuse)
+
+    def f(self, wo: Vec3, wi: Vec3) -> Channels:
+        """BRDF value [1/sr] a channel, the cosine not included; zero when a direction is below the surface."""
+        above = (wo.z > 0) & (wi.z > 0)
+        total: Channels = tuple(torch.where(above, f, 0.0) for f in self.diffuse_f())
+        for lobe in self.lobes:
+            total = add(total, lobe.f(wo, wi))
+        return total
+
+
+class Material(Options):
+    """A reflectance model by name and options, in the local frame (t, b, n)."""
+
+    def reflectance(self, device: str = "cpu") -> Reflectance:
+        """The model as tensors on a device."""
+        raise NotImplementedError
+
+    def f(self, wo: Vec3, wi: Vec3) -> Channels:
+        """BRDF value [1/sr] a channel, the cosine not included; zero when a direction is below the surface."""
+        return self.reflectance().f(wo, wi)
+
+    def albedo(self, wo: Vec3, n_samples: int = 4096) -> Tensor:
+        """Directional albedo: integral of f(wo, wi) cos_i dwi, RGB (P, 3), float64, for directions (P,).
+
+        Each lobe is summed by its own sampler at Hammersley points, the diffuse part is exact.
+        """
+        reflectance = self.reflectance()
+        column = Vec3(*(c[:, None] for c in wo))
+        total = torch.zeros(wo.z.shape[0], 3, dtype=torch.float64)
+        for d, channel in zip(reflectance.diffuse, _targets(reflectance.diffuse), strict=True):
+            total[:, channel] += d.double()
+        for lobe in reflectance.lobes:
+            weight = lobe.sample(column, lobe.sample_points(points_2d(n_samples))).weight
+            for w, channel in zip(weight, _targets(weight), strict=True):
+                total[:, channel] += w.expand(len(column.z), n_samples).double().mean(1, keepdim=True)
+        return total
+
+
+def _targets(channels: Channels) -> list[slice]:
+    return [slice(0, 3)] if len(channels) == 1 else [slice(c, c + 1) for c in range(len(channels))]
+
+
+MATERIALS: Registry[Material] = Registry("material", "glossbench.brdf", "glossbench.brdfs")

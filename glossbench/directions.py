@@ -1,0 +1,117 @@
+"""Directions in components: unit vectors, frames, reflection, spherical coordinates, point sets.
+
+A direction is three tensors of one shape, never one tensor with a last axis of three: kernels stay element-wise,
+so that they fuse, and a direction that depends on the sample only keeps its shape (1, N) until it meets the pixels.
+Axes of the world: +x right, +y up, right-handed, so that forward is -z. Angles in radians.
+"""
+
+from math import pi
+from typing import Literal, NamedTuple
+
+import torch
+from torch import Tensor
+
+PointSet = Literal["hammersley", "random", "r2"]
+
+
+class Vec3(NamedTuple):
+    """A vector field: components x, y, z of one shape (or shapes that broadcast)."""
+
+    x: Tensor
+    y: Tensor
+    z: Tensor
+
+
+def vec3(v: Tensor) -> Vec3:
+    """Components of a tensor (..., 3)."""
+    return Vec3(v[..., 0], v[..., 1], v[..., 2])
+
+
+def stack(v: Vec3) -> Tensor:
+    """The tensor (..., 3) of the broadcast components."""
+    return torch.stack(torch.broadcast_tensors(*v), dim=-1)
+
+
+def dot(a: Vec3, b: Vec3) -> Tensor:
+    """a . b"""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    """a x b"""
+    return Vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+def scale(v: Vec3, s: Tensor) -> Vec3:
+    """s v"""
+    return Vec3(v.x * s, v.y * s, v.z * s)
+
+
+def normalize(v: Vec3) -> Vec3:
+    """v / |v|; a vector of length zero stays zero."""
+    return scale(v, torch.rsqrt(dot(v, v).clamp(min=1e-30)))
+
+
+def half_vector(wo: Vec3, wi: Vec3) -> Vec3:
+    """(wo + wi) / |wo + wi|"""
+    return normalize(Vec3(wo.x + wi.x, wo.y + wi.y, wo.z + wi.z))
+
+
+def reflect(wo: Vec3, h: Vec3) -> Vec3:
+    """2 (wo . h) h - wo: the mirror direction of wo at the facet h."""
+    c = 2 * dot(wo, h)
+    return Vec3(c * h.x - wo.x, c * h.y - wo.y, c * h.z - wo.z)
+
+
+def to_world(v: Vec3, t: Vec3, b: Vec3, n: Vec3) -> Vec3:
+    """v.x t + v.y b + v.z n"""
+    return Vec3(
+        v.x * t.x + v.y * b.x + v.z * n.x,
+        v.x * t.y + v.y * b.y + v.z * n.y,
+        v.x * t.z + v.y * b.z + v.z * n.z,
+    )
+
+
+def to_local(v: Vec3, t: Vec3, b: Vec3, n: Vec3) -> Vec3:
+    """(v . t, v . b, v . n)"""
+    return Vec3(dot(v, t), dot(v, b), dot(v, n))
+
+
+def spherical(theta: Tensor, phi: Tensor) -> Vec3:
+    """The direction at angle theta from +z and azimuth phi from +x towards +y."""
+    sin = torch.sin(theta)
+    return Vec3(sin * torch.cos(phi), sin * torch.sin(phi), torch.cos(theta))
+
+
+def points_2d(n: int, kind: PointSet = "hammersley", seed: int = 0) -> Tensor:
+    """n points (n, 2) of the open unit square, float32.
+
+    hammersley: ((i + 1/2) / n, van der Corput of i in base 2). r2: the additive recurrence of the plastic number
+    (Roberts 2018), shifted by 1/2. random: independent uniform numbers of a generator with this seed. Only random
+    depends on the seed.
+    """
+    if kind == "random":
+        u = torch.rand(n, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+    else:
+        i = torch.arange(n, dtype=torch.float64)
+        if kind == "hammersley":
+            u = torch.stack([(i + 0.5) / n, _van_der_corput(n) + 0.5 / n], dim=1)
+        else:
+            plastic = 1.32471795724474602596
+            u = torch.stack([(0.5 + (i + 1) / plastic) % 1, (0.5 + (i + 1) / plastic**2) % 1], dim=1)
+    # Open at both ends: log(u) and tan(2 pi u) are taken of them.
+    return u.float().clamp(2.0**-24, 1 - 2.0**-24)
+
+
+def _van_der_corput(n: int) -> Tensor:
+    i = torch.arange(n)
+    value = torch.zeros(n, dtype=torch.float64)
+    for bit in range(max(n - 1, 1).bit_length()):
+        value += ((i >> bit) & 1) * 2.0 ** -(bit + 1)
+    return value
+
+
+def cosine_hemisphere(u: Tensor) -> Vec3:
+    """Directions (n,) about +z with density cos / pi, from points (n, 2)."""
+    r, phi = torch.sqrt(u[:, 0]), 2 * pi * u[:, 1]
+    return Vec3(r * torch.cos(phi), r * torch.sin(phi), torch.sqrt(1 - u[:, 0]))

@@ -1,0 +1,1 @@
+"""Incoming radiance from all directions: cube maps, their pyramids, files and synthetic lights."""

@@ -1,0 +1,174 @@
+"""Cube maps: the one place where a direction becomes a texel and a texel a direction.
+
+Faces are images as a camera at the origin sees them, in the order +x, -x, +y, -y, +z, -z of a right-handed world
+with +y up; forward is -z (face 5), so a vertical cross unfolds into faces without a mirror. Row 0 is the top.
+
+    face   normal   to the right (s)   down (t)
+    0 +x    +x           +z               -y
+    1 -x    -x           -z               -y
+    2 +y    +y           +x               -z
+    3 -y    -y           +x               +z
+    4 +z    +z           -x               -y
+    5 -z    -z           +x               -y
+
+Texel centres lie at half-integers: column i of R columns has s = (2 i + 1) / R - 1 in [-1, 1].
+"""
+
+from dataclasses import dataclass
+from math import pi
+from typing import Self
+
+import torch
+from torch import Tensor
+
+from glossbench.directions import Vec3, normalize, stack
+from glossbench.errors import InputError
+
+_NORMALS = torch.tensor([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]).float()
+_RIGHT = torch.tensor([[0, 0, 1], [0, 0, -1], [1, 0, 0], [1, 0, 0], [-1, 0, 0], [1, 0, 0]]).float()
+_DOWN = torch.tensor([[0, -1, 0], [0, -1, 0], [0, 0, -1], [0, 0, 1], [0, -1, 0], [0, -1, 0]]).float()
+
+
+@dataclass(frozen=True)
+class CubeMap:
+    """Incoming radiance as a cube of texels: the light of everything that is shaded.
+
+    Between texel centres the radiance is interpolated bilinearly, across edges too; that interpolant is the light
+    that the reference integrates and that every method approximates.
+
+    Attributes:
+        faces: radiance (6, R, R, 3), float32, finite, not negative, linear Rec. 709; R a power of two.
+        key: what the light is, as text: a hash of the file or the options that made it.
+    """
+
+    faces: Tensor
+    key: str = ""
+
+    def __post_init__(self) -> None:
+        shape = tuple(self.faces.shape)
+        r = shape[1] if len(shape) == 4 else 0
+        if shape != (6, r, r, 3) or r < 2 or r & (r - 1):
+            raise InputError(f"a cube map needs faces (6, R, R, 3) with R a power of two of at least 2, got {shape}")
+        if not torch.isfinite(self.faces).all():
+            raise InputError("a cube map must be finite everywhere, got NaN or infinity")
+        if (self.faces < 0).any():
+            raise InputError(f"a cube map must not be negative, got a minimum of {self.faces.min().item():g}")
+
+    @property
+    def resolution(self) -> int:
+        """Texels along the edge of a face."""
+        return self.faces.shape[1]
+
+    def to(self, device: str) -> Self:
+        """The same light on another device."""
+        return type(self)(self.faces.to(device), self.key)
+
+    def mean(self) -> Tensor:
+        """Mean radiance over the sphere, RGB (3,), float64."""
+        weight = texel_solid_angles(self.resolution).to(self.faces.device)[None, :, :, None]
+        return (self.faces.double() * weight).sum((0, 1, 2)) / (4 * pi)
+
+    def irradiance(self, n: Vec3) -> Tensor:
+        """E(n) = integral of L cos over the hemisphere about each n, summed over all texels; (P, 3), float64.
+
+        Exact for texels that hold a constant; n are P directions.
+        """
+        d = stack(texel_directions(self.resolution)).reshape(-1, 3).to(self.faces.device)
+        weighted = self.faces.double() * texel_solid_angles(self.resolution).to(d.device)[None, :, :, None]
+        normals = stack(n).reshape(-1, 3)
+        # Rows at a time: all texels times all normals may not fit.
+        cosines = [(d @ normal).clamp(min=0).double() for normal in normals]
+        return torch.stack([c @ weighted.reshape(-1, 3) for c in cosines])
+
+
+def texel_directions(resolution: int, samples: int = 1) -> Vec3:
+    """Unit directions through the texel centres, components of shape (6, R, R).
+
+    With samples = k, of the k x k sub-texel centres: components of shape (6, k R, k R).
+    """
+    n = resolution * samples
+    s = (torch.arange(n, dtype=torch.float64) * 2 + 1) / n - 1
+    return face_directions(s[None, :].expand(n, n), s[:, None].expand(n, n))
+
+
+def face_directions(s: Tensor, t: Tensor) -> Vec3:
+    """Unit directions (6, ...) float32 at face coordinates s (right), t (down) in [-1, 1] on each of the six faces."""
+    shape = (6, *([1] * s.dim()))
+    axes = [(n.view(shape), r.view(shape), d.view(shape))
+            for n, r, d in zip(_NORMALS.double().T, _RIGHT.double().T, _DOWN.double().T, strict=True)]  # fmt: skip
+    v = normalize(Vec3(*(n + r * s + d * t for n, r, d in axes)))
+    return Vec3(v.x.float(), v.y.float(), v.z.float())
+
+
+def face_coordinates(d: Vec3) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Where a direction meets the cube [-1, 1]^3: (face int32, s, t in [-1, 1], major).
+
+    major = max(|x|, |y|, |z|); for a unit direction the cube is hit at distance 1 / major.
+    """
+    ax, ay, az = d.x.abs(), d.y.abs(), d.z.abs()
+    major = torch.maximum(torch.maximum(ax, ay), az)
+    on_x = ax == major
+    on_y = (ay == major) & ~on_x
+    negative = torch.where(on_x, d.x, torch.where(on_y, d.y, d.z)) < 0
+    face = (torch.where(on_x, 0, torch.where(on_y, 2, 4)) + negative).int()
+    # s is z on the x faces, x on the y faces and -x on the z faces, with the sign of the face; t is -y but on the y faces.
+    side = torch.where(on_x, d.z, -d.x)
+    s = torch.where(on_y, d.x, torch.where(negative, -side, side))
+    t = torch.where(on_y, torch.where(negative, d.z, -d.z), -d.y)
+    inverse = 1 / major
+    return face, s * inverse, t * inverse, major
+
+
+def texel_solid_angles(resolution: int) -> Tensor:
+    """Exact solid angle of each texel of a face, (R, R), float64, in sr; six faces sum to 4 pi.
+
+    A rectangle from the face's centre to the corner (s, t) subtends atan2(s t, sqrt(s^2 + t^2 + 1)); a texel is the
+    alternating sum over its four corners.
+    """
+    edge = torch.linspace(-1, 1, resolution + 1, dtype=torch.float64)
+    s, t = edge[None, :], edge[:, None]
+    corner = torch.atan2(s * t, torch.sqrt(s * s + t * t + 1))
+    return corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
+
+
+def bordered(faces: Tensor, width: int = 1) -> Tensor:
+    """Faces (6, R, R, C) with a border of `width` texels from the adjoining faces: (6, R + 2w, R + 2w, C).
+
+    Border row k beyond an edge is row k inside the adjoining face. Beyond a corner of the cube there is no texel:
+    there the mean of the three texels that meet at that corner stands for it.
+    """
+    r = faces.shape[1]
+    out = faces.new_empty(6, r + 2 * width, r + 2 * width, faces.shape[3])
+    inner = slice(width, r + width)
+    out[:, inner, inner] = faces
+    index = _edge_texels(r, width).to(faces.device)
+    edges = faces.reshape(6 * r * r, -1)[index.reshape(-1)].reshape(6, 4, width, r, -1)
+    out[:, :width, inner] = edges[:, 0].flip(1)
+    out[:, r + width :, inner] = edges[:, 1]
+    out[:, inner, :width] = edges[:, 2].flip(1).transpose(1, 2)
+    out[:, inner, r + width :] = edges[:, 3].transpose(1, 2)
+    for rows, row, beyond_row in ((slice(0, width), width, width - 1), (slice(r + width, None), r + width - 1, r + width)):
+        for columns, column, beyond in ((slice(0, width), width, width - 1), (slice(r + width, None), r + width - 1, r + width)):
+            mean = (out[:, row, column] + out[:, beyond_row, column] + out[:, row, beyond]) / 3
+            out[:, rows, columns] = mean[:, None, None]
+    return out
+
+
+def _edge_texels(resolution: int, width: int) -> Tensor:
+    """Flat texel index (6, 4, width, R) of the neighbours at depth k beyond the top, bottom, left and right edge."""
+    along = (torch.arange(resolution) * 2 + 1) / resolution - 1
+    # What lies e beyond the edge of a face folds down onto the adjoining face, at depth e below that edge.
+    depth = (torch.arange(width) * 2 + 1)[:, None] / resolution
+    along, depth = along.expand(width, resolution), depth.expand(width, resolution)
+    one = torch.ones_like(along)
+    shape = (6, 1, 1, 1)
+    s = torch.stack([along, along, -one, one])
+    t = torch.stack([-one, one, along, along])
+    folded = 1 - depth
+    point = [n.view(shape) * folded + r.view(shape) * s + d.view(shape) * t
+             for n, r, d in zip(_NORMALS.T, _RIGHT.T, _DOWN.T, strict=True)]  # fmt: skip
+    # On the edge itself two components have size 1: shrink the old normal's share so that the new face wins.
+    face, fs, ft, _ = face_coordinates(Vec3(*(c.double() for c in point)))
+    column = ((fs + 1) * resolution / 2).floor().clamp(0, resolution - 1).long()
+    row = ((ft + 1) * resolution / 2).floor().clamp(0, resolution - 1).long()
+    return (face * resolution + row) * resolution + column

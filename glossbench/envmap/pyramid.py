@@ -1,0 +1,178 @@
+"""MIP pyramids of a cube and the seamless trilinear lookup.
+
+All levels lie in one flat table of texels, each face with a one-texel border from its neighbours, so that a lookup
+is eight rows of the table and eight weights, without a branch. Level l has R / 2^l texels along an edge.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import torch
+from torch import Tensor
+from torch.nn.functional import embedding_bag
+
+from glossbench.brdf.lobe import Channels
+from glossbench.directions import Vec3
+from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates
+
+MipFilter = Literal["box", "gauss4", "gauss6"]
+
+# One row of each separable filter, over its sum: binomial coefficients (Luksch et al. 2014, section 3).
+FILTERS: dict[str, tuple[float, ...]] = {
+    "box": (1, 1),
+    "gauss4": (1, 3, 3, 1),
+    "gauss6": (1, 5, 10, 10, 5, 1),
+}
+
+
+Border = Callable[[Tensor, int], Tensor]  # images (K, R, R, 3), width -> images with borders of that width
+
+
+class Environment(Protocol):
+    """Texels at several resolutions, and where a direction meets them."""
+
+    @property
+    def texels(self) -> Tensor:
+        """(T, 3), float32."""
+
+    def taps(self, d: Vec3, lod: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Rows of `texels` (P, K, N), int32, and their weights (P, K, N), for unit directions (P, N).
+
+        lod: level, trilinear, clamped to the levels there are; None reads level 0 alone.
+        """
+
+    def log2_texels_per_sr(self, d: Vec3) -> Tensor:
+        """log2 of the number of level-0 texels a steradian around a unit direction."""
+
+
+@dataclass(frozen=True)
+class MipTable:
+    """Square images at several resolutions in one flat table.
+
+    Attributes:
+        texels: (T, 3) float32: level by level, image by image, rows with a one-texel border.
+        offsets: first row of each level (L,), int32.
+        sizes: texels along an edge without border of each level (L,), int32.
+    """
+
+    texels: Tensor
+    offsets: Tensor
+    sizes: Tensor
+
+    def bilinear(self, image: Tensor, s: Tensor, t: Tensor, lod: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Rows and weights at image coordinates s (right), t (down) in [0, 1], stacked at dimension -2.
+
+        Eight, bilinear in two levels and linear between them; four of level 0 where lod is None.
+        """
+        if lod is None:
+            pairs = [(torch.zeros_like(image), torch.ones_like(s))]
+        else:
+            top = self.sizes.shape[0] - 1
+            lod = lod.clamp(0, top)
+            lower = lod.int()
+            fraction = lod - lower
+            pairs = [(lower, 1 - fraction), ((lower + 1).clamp(max=top), fraction)]
+        rows, weights = [], []
+        for level, share in pairs:
+            size = self.sizes[level]
+            # The border shifts texels by 1, their centres by 1/2: x = s n - 1/2 + 1.
+            x, y = s * size + 0.5, t * size + 0.5
+            i, j = x.int(), y.int()
+            fx, fy = x - i, (y - j) * share
+            stride = size + 2
+            first = self.offsets[level] + (image * stride + j) * stride + i
+            rows += [first, first + 1, first + stride, first + stride + 1]
+            right, below, corner = fx * (share - fy), fy * (1 - fx), fx * fy
+            weights += [share - fy - right, right, below, corner]
+        return torch.stack(rows, dim=-2), torch.stack(weights, dim=-2)
+
+
+@dataclass(frozen=True)
+class Pyramid(MipTable):
+    """A cube at every power of two up to its own: six images, faces of the cube."""
+
+    def level(self, level: int) -> Tensor:
+        """Faces of one level without borders, (6, R / 2^l, R / 2^l, 3)."""
+        start, n = int(self.offsets[level]), int(self.sizes[level])
+        return self.texels[start : start + 6 * (n + 2) ** 2].view(6, n + 2, n + 2, 3)[:, 1:-1, 1:-1]
+
+    def taps(self, d: Vec3, lod: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Rows and weights for unit directions; seamless, the borders being the neighbours' texels."""
+        face, s, t, _ = face_coordinates(d)
+        return self.bilinear(face, s * 0.5 + 0.5, t * 0.5 + 0.5, lod)
+
+    def log2_texels_per_sr(self, d: Vec3) -> Tensor:
+        """log2(R^2 / (4 major^3)): a texel of the face [-1, 1]^2 spans 4 / R^2, seen under the cube of major."""
+        major = torch.maximum(torch.maximum(d.x.abs(), d.y.abs()), d.z.abs())
+        return 2 * torch.log2(self.sizes[0].float()) - 2 - 3 * torch.log2(major)
+
+
+def finest(light: CubeMap) -> Pyramid:
+    """The light itself as a pyramid of one level."""
+    sizes = torch.tensor([light.resolution], dtype=torch.int32, device=light.faces.device)
+    return Pyramid(bordered(light.faces).reshape(-1, 3), torch.zeros_like(sizes), sizes)
+
+
+def build_pyramid(light: CubeMap, mip_filter: MipFilter) -> Pyramid:
+    """All levels of a light, each filtered from the one before, across edges too.
+
+    A coarse texel is the separable weighted mean of 2x2, 4x4 or 6x6 fine texels about it, each texel counting the
+    same: not by solid angle, as in the paper and on graphics hardware.
+
+    Source: Luksch et al. 2014, section 3.
+    """
+    taps = FILTERS[mip_filter]
+    return Pyramid(*mip_levels(light.faces, taps, bordered))
+
+
+def mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) -> tuple[Tensor, Tensor, Tensor]:
+    """Table, offsets and sizes of images (K, R, R, 3), each level the halved one before, down to one texel."""
+    n_images, resolution = images.shape[:2]
+    sizes = [resolution >> level for level in range(resolution.bit_length())]
+    counts = [n_images * (n + 2) ** 2 for n in sizes]
+    offsets = [sum(counts[:level]) for level in range(len(sizes))]
+    texels = images.new_empty(sum(counts), 3)
+    for offset, count in zip(offsets, counts, strict=True):
+        texels[offset : offset + count] = border(images, 1).view(-1, 3)
+        if images.shape[1] > 1:
+            width = len(taps) // 2 - 1
+            images = halve(border(images, width) if width else images, taps)
+    as_int = {"dtype": torch.int32, "device": texels.device}
+    return texels, torch.tensor(offsets, **as_int), torch.tensor(sizes, **as_int)
+
+
+def halve(padded: Tensor, taps: tuple[float, ...]) -> Tensor:
+    """Images of R texels, padded by len(taps) / 2 - 1, -> R / 2: the separable filter centred on each 2x2 block."""
+    last = padded.shape[1] - len(taps) + 1
+    rows = _combine([padded[:, k : k + last : 2] for k in range(len(taps))], taps)
+    return _combine([rows[:, :, k : k + last : 2] for k in range(len(taps))], taps)
+
+
+def _combine(slices: list[Tensor], taps: tuple[float, ...]) -> Tensor:
+    """sum of taps[k] slices[k] / sum(taps), of a symmetric filter: a pair of slices shares its tap."""
+    half, total = len(taps) // 2, sum(taps)
+    out = (slices[half - 1] + slices[half]).mul_(taps[half] / total)
+    for k in range(half - 1):
+        out.add_(slices[k], alpha=taps[k] / total).add_(slices[-1 - k], alpha=taps[k] / total)
+    return out
+
+
+def weighted_radiance(environment: Environment, d: Vec3, lod: Tensor | None, weight: Channels) -> Tensor:
+    """sum over samples of weight * L(d, lod): (P, 3) from directions, levels and weights (P, N).
+
+    One gather and sum without temporaries for a grey weight, one a channel for a coloured weight.
+    """
+    rows, shares = environment.taps(d, lod)
+    rows = rows.flatten(1)
+    sums = [
+        embedding_bag(rows, environment.texels, per_sample_weights=(shares * w.unsqueeze(-2)).flatten(1), mode="sum")
+        for w in weight
+    ]
+    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+
+
+def lookup(environment: Environment, d: Vec3, lod: Tensor | None = None) -> Tensor:
+    """Radiance (P, 3) in P directions, components (P,), at levels (P,)."""
+    column = Vec3(*(c[:, None] for c in d))
+    return weighted_radiance(environment, column, None if lod is None else lod[:, None], (torch.ones_like(column.x),))

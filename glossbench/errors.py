@@ -1,0 +1,21 @@
+"""Errors that a user can mend: one clear line that says what, the rule, the value and the nearest valid name."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class InputError(ValueError):
+    """Anything a user can fix: a study, an option, a file. Its text is one line; the command line exits with 2."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A hint for an unknown name: "; did you mean 'kurt'?", or the valid names when none is near."""
+    names = sorted(known)
+    close = get_close_matches(str(name), names, n=1, cutoff=0.5)
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    return f"; known: {', '.join(names)}" if names else ""
+
+
+class MethodError(RuntimeError):
+    """A plug-in broke the shade interface: wrong shape or dtype, or radiance that is not finite."""

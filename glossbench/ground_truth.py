@@ -1,0 +1,192 @@
+"""The converged truth, with its own error bar: multiple importance sampling of material and light, never a MIP level.
+
+Lo(wo) = integral of L(wi) f(wo, wi) cos_i dwi, L the bilinear interpolant of the light's texels. Techniques: the
+light's luminance, each lobe's sampler, and the cosine for a diffuse part. Each draws N points of its own scrambled
+Sobol sequence, and all are weighted by the balance heuristic (Veach 1997 eq. 9.8): every sample contributes
+f L cos_i / (N sum of all pdfs). Replicates with independent scrambles give each pixel its standard error; all
+sequences are extended together until the image's noise is under the target.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+from torch.quasirandom import SobolEngine
+
+from glossbench.brdf.lobe import Channels, add
+from glossbench.brdf.material import Material, Reflectance
+from glossbench.directions import Vec3, cosine_hemisphere, to_local, to_world
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.importance import LightDistribution, luminance_distribution
+from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
+from glossbench.errors import InputError
+from glossbench.fusion import FUSE_ABOVE, over_points
+from glossbench.scene.points import ShadingPoints, View, image_of
+
+N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
+FIRST_SAMPLES = 64  # of each replicate and technique
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The truth of a light, a material and a view.
+
+    Attributes:
+        radiance: (H, W, 3), float64, zero outside the mask.
+        standard_error: of each pixel and channel, (H, W, 3), float64.
+        mask: (H, W), true where the surface is seen.
+        n_samples: a pixel, over all replicates and techniques.
+    """
+
+    radiance: Tensor
+    standard_error: Tensor
+    mask: Tensor
+    n_samples: int
+
+    @property
+    def noise(self) -> float:
+        """Root mean square of the standard error over pixels and channels: the RMS that a perfect image would show."""
+        return float(self.standard_error[self.mask].square().mean().sqrt())
+
+    @property
+    def mean(self) -> float:
+        """Mean radiance of the surface."""
+        return float(self.radiance[self.mask].mean())
+
+
+class LightSamples(NamedTuple):
+    """Directions (1, N), their radiance (N, 3) and pdf (1, N)."""
+
+    direction: Vec3
+    radiance: Tensor
+    pdf: Tensor
+
+
+def compute_reference(
+    light: CubeMap,
+    material: Material,
+    view: View,
+    relative_error: float = 1e-3,
+    max_samples: int = 1 << 16,
+    seed: int = 0,
+    progress: Callable[[float, int], None] | None = None,
+) -> Reference:
+    """The converged image of a material under a light.
+
+    Args:
+        relative_error: target of noise over mean radiance; a black image is done at once.
+        max_samples: of a pixel and technique, over all replicates; the noise then is what it is.
+        seed: of the scrambles.
+        progress: called after each doubling with the relative noise and the samples a pixel so far.
+
+    Raises:
+        InputError: relative_error not positive, max_samples below the first round's.
+    """
+    if not relative_error > 0:
+        raise InputError(f"reference.relative_error must be above 0, got {relative_error!r}")
+    if max_samples < N_REPLICATES * FIRST_SAMPLES:
+        raise InputError(f"reference.max_samples must be at least {N_REPLICATES * FIRST_SAMPLES}, got {max_samples!r}")
+    device = str(light.faces.device)
+    points = view.points().to(device)
+    reflectance = material.reflectance(device)
+    distribution, texels = luminance_distribution(light), finest(light)
+    n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
+    engines = [
+        [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]
+        for r in range(N_REPLICATES)
+    ]
+    sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=device)
+    done, new = 0, FIRST_SAMPLES
+    while True:
+        fuse = len(points) * new * N_REPLICATES * n_techniques >= FUSE_ABOVE
+        for total, sequences in zip(sums, engines, strict=True):
+            u = [_open(engine.draw(new)).to(device) for engine in sequences]
+            total += _round(points, reflectance, distribution, texels, u, fuse)
+        done, new = done + new, done + new
+        mean = sums.mean(0) / done
+        error = (sums / done).std(0) / N_REPLICATES**0.5
+        noise, level = float(error.square().mean().sqrt()), float(mean.mean())
+        n_samples = done * N_REPLICATES * n_techniques
+        if progress is not None:
+            progress(noise / level if level > 0 else 0.0, n_samples)
+        if noise <= relative_error * level or 2 * done * N_REPLICATES > max_samples:
+            mask = view.mask()
+            return Reference(image_of(mask, mean), image_of(mask, error), mask, n_samples)
+
+
+def _round(
+    points: ShadingPoints,
+    reflectance: Reflectance,
+    distribution: LightDistribution,
+    texels: Pyramid,
+    u: list[Tensor],
+    fuse: bool,
+) -> Tensor:
+    """Sum over one round of samples of every technique, (P, 3), float64."""
+    n = u[0].shape[0]
+    d, pdf = distribution.sample(u[0])
+    lights = LightSamples(Vec3(*(c[None] for c in d)), lookup(texels, d), pdf[None])
+    tables = (reflectance, distribution, texels)
+    total = over_points(_from_light, points, n, reflectance, lights, fuse=fuse).double()
+    for k, lobe in enumerate(reflectance.lobes):
+        samples = lobe.sample_points(u[1 + k])
+        total += over_points(_LOBE_KERNELS[k], points, n, *tables, samples, fuse=fuse).double()
+    if reflectance.diffuse:
+        wi = Vec3(*(c[None] for c in cosine_hemisphere(u[-1])))
+        total += over_points(_from_cosine, points, n, *tables, wi, fuse=fuse).double()
+    return total
+
+
+def _from_light(points: ShadingPoints, reflectance: Reflectance, lights: LightSamples) -> Tensor:
+    wo, wi = points.wo_local(), to_local(lights.direction, points.t, points.b, points.n)
+    weight = _balanced(reflectance, wo, wi, lights.pdf)
+    sums = [w @ lights.radiance for w in weight]
+    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+
+
+def _from_surface(
+    points: ShadingPoints, reflectance: Reflectance, distribution: LightDistribution, texels: Pyramid, wo: Vec3, wi: Vec3
+) -> Tensor:
+    d = to_world(wi, points.t, points.b, points.n)
+    return weighted_radiance(texels, d, None, _balanced(reflectance, wo, wi, distribution.pdf(d)))
+
+
+def _from_cosine(
+    points: ShadingPoints, reflectance: Reflectance, distribution: LightDistribution, texels: Pyramid, wi: Vec3
+) -> Tensor:
+    return _from_surface(points, reflectance, distribution, texels, points.wo_local(), wi)
+
+
+def _balanced(reflectance: Reflectance, wo: Vec3, wi: Vec3, light_pdf: Tensor) -> Channels:
+    """f cos_i / sum of all techniques' pdfs, a channel."""
+    pdf, f = light_pdf, reflectance.diffuse_f()
+    if reflectance.diffuse:
+        pdf = pdf + wi.z.clamp(min=0) / pi
+    for lobe in reflectance.lobes:
+        value, density = lobe.f_and_pdf(wo, wi)
+        f, pdf = add(f, value), pdf + density
+    weight = torch.where(wi.z > 0, wi.z / pdf.clamp(min=1e-30), 0.0)
+    return tuple(channel * weight for channel in f)
+
+
+def _lobe_kernel(k: int) -> Callable[..., Tensor]:
+    def from_lobe(
+        points: ShadingPoints, reflectance: Reflectance, distribution: LightDistribution, texels: Pyramid, samples: Any
+    ) -> Tensor:
+        wo = points.wo_local()
+        wi = reflectance.lobes[k].sample(wo, samples).wi
+        return _from_surface(points, reflectance, distribution, texels, wo, wi)
+
+    return from_lobe
+
+
+# One kernel object a lobe number: a compiled kernel is known by its object.
+_LOBE_KERNELS = [_lobe_kernel(k) for k in range(16)]
+
+
+def _open(u: Tensor) -> Tensor:
+    """Points of the open unit square: the logarithm of u is taken."""
+    return u.clamp(2.0**-24, 1 - 2.0**-24)

@@ -1,0 +1,100 @@
+"""Options: frozen dataclasses whose annotations are their bounds, checked alike from YAML and from Python."""
+
+import dataclasses
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any, ClassVar, Self, dataclass_transform, get_type_hints
+
+from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
+
+from glossbench.errors import InputError, nearest
+
+
+def _spread(n: int) -> Any:
+    """A scalar stands for n equal components."""
+    return BeforeValidator(lambda v: (v,) * n if isinstance(v, int | float) and not isinstance(v, bool) else v)
+
+
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Color = Annotated[tuple[Fraction, Fraction, Fraction], _spread(3)]  # reflectance, [0, 1]; a scalar is grey
+Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], _spread(3)]
+Width = Annotated[float, Field(gt=0, le=1)]  # of a microfacet distribution
+Widths = Annotated[tuple[Width, Width], _spread(2)]  # along t and b; a scalar is isotropic
+Resolution = Annotated[int, Field(ge=2, le=8192)]
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+class Options:
+    """Base of every configurable thing: a subclass becomes a frozen, keyword-only dataclass on its own.
+
+    Each annotated attribute is an option; `Annotated[int, Field(ge=1)]` states a bound (pydantic's notation).
+    A value of the wrong type, out of bounds, or an unknown name raises InputError with one line.
+    """
+
+    name: ClassVar[str] = ""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+
+    def __post_init__(self) -> None:
+        for option in dataclasses.fields(self):  # type: ignore[arg-type]
+            object.__setattr__(self, option.name, check(type(self), option.name, getattr(self, option.name)))
+
+    @classmethod
+    def create(cls, options: Mapping[str, Any]) -> Self:
+        """An instance from a mapping; unknown and missing names are errors with the nearest valid name."""
+        known = option_names(cls)
+        for key in options:
+            if key not in known:
+                raise InputError(f"{cls.name}: unknown option {key!r}{nearest(key, known)}")
+        for option in dataclasses.fields(cls):  # type: ignore[arg-type]
+            required = option.default is dataclasses.MISSING and option.default_factory is dataclasses.MISSING
+            if required and option.name not in options:
+                raise InputError(f"{cls.name}: option {option.name!r} is required")
+        return cls(**options)
+
+    def as_dict(self) -> dict[str, Any]:
+        """All options with their values, as JSON types."""
+        adapters = _adapters(type(self))
+        return {key: adapter.dump_python(getattr(self, key), mode="json") for key, adapter in adapters.items()}
+
+
+def option_names(cls: type[Options]) -> tuple[str, ...]:
+    """Names of the options of a class, in the order of its source."""
+    return tuple(option.name for option in dataclasses.fields(cls))  # type: ignore[arg-type]
+
+
+def check(cls: type[Options], option: str, value: Any) -> Any:
+    """The value of one option, converted (list to tuple, scalar to vector), or InputError."""
+    try:
+        return _adapters(cls)[option].validate_python(value)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = "".join(f"[{part}]" for part in first["loc"] if isinstance(part, int))
+        rule = first["msg"].removeprefix("Value error, ").removeprefix("Input ").replace("should", "must", 1)
+        bad = first["input"]
+        raise InputError(f"{cls.name or cls.__name__}.{option}{where} {rule}, got {bad!r}") from None
+
+
+@cache
+def _adapters(cls: type[Options]) -> dict[str, TypeAdapter[Any]]:
+    hints = get_type_hints(cls, include_extras=True)
+    # Strict, so that "40" and true are no numbers; lists are wanted as tuples, hence the one conversion.
+    return {key: TypeAdapter(Annotated[hints[key], BeforeValidator(_tuples)], config={"strict": True})
+            for key in option_names(cls)}  # fmt: skip
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
+
+
+def json_schema(cls: type[Options]) -> dict[str, Any]:
+    """JSON Schema of the options of a class."""
+    properties = {key: adapter.json_schema() for key, adapter in _adapters(cls).items()}
+    for option in dataclasses.fields(cls):  # type: ignore[arg-type]
+        if option.default is not dataclasses.MISSING:
+            properties[option.name]["default"] = _adapters(cls)[option.name].dump_python(option.default, mode="json")
+    return {"type": "object", "properties": properties, "additionalProperties": False}

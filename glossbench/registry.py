@@ -1,0 +1,67 @@
+"""Registries: a name in a study or on the command line -> the class that it means."""
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
+from typing import Any, Generic, TypeVar
+
+from glossbench.errors import InputError, nearest
+from glossbench.options import Options
+
+T = TypeVar("T", bound=Options)
+
+
+class Registry(Generic[T]):
+    """Classes of one kind by name.
+
+    A class registers with `@METHODS.register("name")`. When the first name is asked for, `home` is imported (each
+    module of it, if it is a package), then every entry point of `group` that an installed distribution declares:
+    it names a module, or a class in one, whose import registers.
+    """
+
+    def __init__(self, kind: str, home: str, group: str) -> None:
+        self.kind = kind
+        self._home = home
+        self._group = group
+        self._classes: dict[str, type[T]] = {}
+        self._discovered = False
+
+    def register(self, name: str) -> Callable[[type[T]], type[T]]:
+        """Class decorator: the class answers to `name` from now on."""
+
+        def add(cls: type[T]) -> type[T]:
+            taken = self._classes.get(name)
+            if taken is not None and (taken.__module__, taken.__qualname__) != (cls.__module__, cls.__qualname__):
+                raise InputError(f"{self.kind} {name!r} is registered twice: in {taken.__module__} and {cls.__module__}")
+            cls.name = name
+            self._classes[name] = cls
+            return cls
+
+        return add
+
+    def names(self) -> list[str]:
+        """All registered names, sorted."""
+        self._discover()
+        return sorted(self._classes)
+
+    def get(self, name: str) -> type[T]:
+        """The class behind a name; InputError with the nearest name when there is none."""
+        self._discover()
+        if name not in self._classes:
+            raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self._classes)}")
+        return self._classes[name]
+
+    def create(self, name: str, options: Mapping[str, Any]) -> T:
+        """An instance of the named class with these options."""
+        return self.get(name).create(options)
+
+    def _discover(self) -> None:
+        if self._discovered:
+            return
+        self._discovered = True
+        home = importlib.import_module(self._home)
+        for module in pkgutil.iter_modules(getattr(home, "__path__", [])):
+            importlib.import_module(f"{self._home}.{module.name}")
+        for point in entry_points(group=self._group):
+            point.load()

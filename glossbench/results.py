@@ -1,0 +1,184 @@
+"""What a run leaves on disk: one folder a study, each cell written whole or not at all, under a key of all that made it.
+
+    study.yaml          the resolved study
+    cells.parquet       one row a cell, in the order of the study
+    claims.json         the verdicts
+    provenance.json     versions, hardware, times
+    cells/KEY.json      the row of one cell; its presence means that the cell is done
+    images/KEY.exr      its image; KEY_half_vectors.npy the pattern, where a method has one
+    references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels, KEY.json its numbers
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import yaml
+from numpy.typing import NDArray
+from skimage.io import imread, imsave
+
+from glossbench.envmap.files import read_pixels, write_exr
+from glossbench.errors import InputError
+from glossbench.ground_truth import Reference
+from glossbench.shading import Image
+
+
+def key_of(parts: Any) -> str:
+    """A key for the disk: the first 80 bits of the SHA-256 of some JSON data."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:20]
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A path to write to, that takes the place of `path` when all went well: never a half-written file."""
+    part = path.with_name(f".{os.getpid()}.{path.name}")
+    try:
+        yield part
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+class Results:
+    """The folder of one study's run, to read and to add to.
+
+    Args:
+        folder: as `glossbench run` made it.
+
+    Raises:
+        InputError: the folder cannot be made or written (create), or holds no results (read).
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        self.folder = Path(folder)
+
+    @classmethod
+    def open(cls, folder: Path | str) -> "Results":
+        """Results that are there."""
+        results = cls(folder)
+        if not (results.folder / "cells.parquet").is_file():
+            raise InputError(f"{results.folder} holds no results: there is no cells.parquet in it")
+        return results
+
+    def create(self) -> None:
+        """Make the folders, or say why they cannot be made."""
+        try:
+            for name in ("cells", "images", "references"):
+                (self.folder / name).mkdir(parents=True, exist_ok=True)
+            with replacing(self.folder / "cells" / ".probe") as part:
+                part.write_text("")
+            (self.folder / "cells" / ".probe").unlink()
+        except OSError as error:
+            raise InputError(f"cannot write results to {self.folder}: {error.strerror}") from None
+
+    # Cells.
+
+    def has_cell(self, key: str) -> bool:
+        """Whether this cell is done, skipped or failed."""
+        return (self.folder / "cells" / f"{key}.json").is_file()
+
+    def cell(self, key: str) -> dict[str, Any]:
+        """The row of one cell."""
+        row: dict[str, Any] = json.loads((self.folder / "cells" / f"{key}.json").read_text())
+        return row
+
+    def add_cell(self, row: dict[str, Any], image: Image | None, half_vectors: NDArray[np.float32] | None) -> None:
+        """Write a cell; its row comes last, because the row says that it is done."""
+        key = row["key"]
+        if image is not None:
+            write_exr(self.folder / "images" / f"{key}.exr", image.radiance)
+        if half_vectors is not None:
+            with replacing(self.folder / "images" / f"{key}_half_vectors.npy") as part, part.open("wb") as file:
+                np.save(file, half_vectors)
+        self._write_json(f"cells/{key}.json", row)
+
+    # References.
+
+    def has_reference(self, key: str) -> bool:
+        """Whether this reference is done."""
+        return (self.folder / "references" / f"{key}.json").is_file()
+
+    def add_reference(self, key: str, truth: Reference, seconds: float) -> None:
+        """Write a reference, its numbers last."""
+        stem = self.folder / "references" / key
+        write_exr(stem.with_suffix(".exr"), truth.radiance.float())
+        write_exr(stem.with_name(f"{key}_standard_error.exr"), truth.standard_error.float())
+        with replacing(stem.with_name(f"{key}_mask.png")) as part:
+            png = part.with_suffix(".png")
+            imsave(png, truth.mask.numpy().astype(np.uint8) * 255, check_contrast=False)
+            os.replace(png, part)
+        numbers = {"n_samples": truth.n_samples, "seconds": seconds}
+        self._write_json(f"references/{key}.json", numbers)
+
+    def reference_numbers(self, key: str) -> dict[str, Any]:
+        """n_samples and seconds of a reference."""
+        numbers: dict[str, Any] = json.loads((self.folder / "references" / f"{key}.json").read_text())
+        return numbers
+
+    # The whole study.
+
+    def finish(self, study: dict[str, Any], rows: list[dict[str, Any]], provenance: dict[str, Any]) -> None:
+        """Write the study, the table of its cells and where they come from."""
+        with replacing(self.folder / "study.yaml") as part:
+            part.write_text(yaml.safe_dump(study, sort_keys=False, allow_unicode=True))
+        with replacing(self.folder / "cells.parquet") as part:
+            pandas.DataFrame(rows).to_parquet(part, index=False)
+        self._write_json("provenance.json", provenance)
+
+    def add_claims(self, verdicts: list[dict[str, Any]]) -> None:
+        """Write the verdicts."""
+        self._write_json("claims.json", verdicts)
+
+    @property
+    def study(self) -> dict[str, Any]:
+        """The resolved study."""
+        loaded: dict[str, Any] = yaml.safe_load((self.folder / "study.yaml").read_text())
+        return loaded
+
+    @property
+    def cells(self) -> pandas.DataFrame:
+        """One row a cell."""
+        return pandas.read_parquet(self.folder / "cells.parquet")
+
+    @property
+    def claims(self) -> list[dict[str, Any]]:
+        """The verdicts."""
+        loaded: list[dict[str, Any]] = json.loads((self.folder / "claims.json").read_text())
+        return loaded
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Versions, hardware, times."""
+        loaded: dict[str, Any] = json.loads((self.folder / "provenance.json").read_text())
+        return loaded
+
+    def image(self, key: str) -> NDArray[np.float32]:
+        """Radiance (H, W, 3) of a cell."""
+        return np.asarray(read_pixels(self.folder / "images" / f"{key}.exr"))
+
+    def reference(self, key: str) -> NDArray[np.float32]:
+        """Radiance (H, W, 3) of a reference."""
+        return np.asarray(read_pixels(self.folder / "references" / f"{key}.exr"))
+
+    def standard_error(self, key: str) -> NDArray[np.float32]:
+        """Standard error (H, W, 3) of a reference."""
+        return np.asarray(read_pixels(self.folder / "references" / f"{key}_standard_error.exr"))
+
+    def mask(self, key: str) -> NDArray[np.bool_]:
+        """Pixels (H, W) of a reference that show the surface."""
+        return np.asarray(imread(self.folder / "references" / f"{key}_mask.png")) > 0
+
+    def half_vectors(self, key: str) -> NDArray[np.float32] | None:
+        """The pattern (N, 2), theta and phi, of a cell; None where the method has none."""
+        path = self.folder / "images" / f"{key}_half_vectors.npy"
+        return np.load(path) if path.is_file() else None
+
+    def _write_json(self, name: str, data: Any) -> None:
+        with replacing(self.folder / name) as part:
+            part.write_text(json.dumps(data, indent=1, allow_nan=True))

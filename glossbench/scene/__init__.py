@@ -1,0 +1,1 @@
+"""What is shaded: views and the shading points that they see."""

@@ -1,0 +1,67 @@
+"""Shading points: where, with which frame and from which side a surface is seen; and the views that make them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from glossbench.directions import Vec3, to_local
+from glossbench.options import Options
+from glossbench.registry import Registry
+
+
+@dataclass(frozen=True)
+class ShadingPoints:
+    """P surface points seen from outside: a right-handed frame and the direction to the viewer, components (P,)."""
+
+    t: Vec3
+    b: Vec3
+    n: Vec3
+    wo: Vec3
+
+    def __len__(self) -> int:
+        return self.n.x.shape[0]
+
+    @property
+    def device(self) -> str:
+        """Where the tensors are."""
+        return str(self.n.x.device)
+
+    def columns(self, start: int, stop: int) -> "ShadingPoints":
+        """Points [start, stop) with components (P, 1), ready to meet samples (1, N)."""
+        return ShadingPoints(*(Vec3(*(c[start:stop, None] for c in v)) for v in (self.t, self.b, self.n, self.wo)))
+
+    def wo_local(self) -> Vec3:
+        """The direction to the viewer in the frame (t, b, n)."""
+        return to_local(self.wo, self.t, self.b, self.n)
+
+    def to(self, device: str) -> "ShadingPoints":
+        """The same points on another device."""
+        return ShadingPoints(*(Vec3(*(c.to(device) for c in v)) for v in (self.t, self.b, self.n, self.wo)))
+
+
+class View(Options):
+    """What the image shows: a surface and a camera."""
+
+    def mask(self) -> Tensor:
+        """True (H, W) where the surface is seen."""
+        raise NotImplementedError
+
+    def points(self) -> ShadingPoints:
+        """The shading points of the mask's pixels, row by row."""
+        raise NotImplementedError
+
+    def scene(self) -> Any:
+        """The geometry, equal for all views of the same one."""
+        raise NotImplementedError
+
+
+VIEWS: Registry[View] = Registry("view", "glossbench.scene", "glossbench.views")
+
+
+def image_of(mask: Tensor, values: Tensor) -> Tensor:
+    """Values (P, C) at the pixels of a mask (H, W), zero elsewhere: (H, W, C)."""
+    image = torch.zeros(*mask.shape, values.shape[-1], dtype=values.dtype)
+    image[mask] = values.cpu()
+    return image

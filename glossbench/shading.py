@@ -1,0 +1,297 @@
+"""The shade interface: a method is options, stages of precomputation, and shade.
+
+A stage is a function of a method whose parameter names say what it needs: `light` (CubeMap), `material`, `scene`,
+`view`, or an earlier stage. From the names the framework derives the order of the stages, what is shared between
+methods and budgets, and what must be redone when the light, the material, the geometry or the view changes.
+"""
+
+import dataclasses
+import inspect
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor
+
+from glossbench.brdf.material import Material
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.errors import InputError, MethodError
+from glossbench.options import Options
+from glossbench.registry import Registry
+from glossbench.scene.points import ShadingPoints, View, image_of
+
+INPUTS = ("light", "material", "scene", "view")
+# What an artist or a game changes -> the input that is then new. A view change leaves the geometry as it is.
+CHANGES = {"light": "light", "material": "material", "geometry": "scene", "view": "view"}
+
+
+class Stage:
+    """One step of precomputation: a function (self, *inputs) of a method. The same Stage may serve several methods."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+        self.needs = tuple(inspect.signature(function).parameters)[1:]
+        self.__doc__ = function.__doc__
+
+
+def stage(function: Callable[..., Any]) -> Any:
+    """Decorator: this function of a method is a stage; its parameter names say what it depends on."""
+    return Stage(function)
+
+
+@dataclass(frozen=True)
+class Contract:
+    """What a method promises, checked by `glossbench check-method`.
+
+    Attributes:
+        furnace: largest relative error under constant light with the largest budget, over a set of materials.
+        linear: the image of a sum of lights is the sum of their images.
+        turns: largest relative change of the image when light and surface turn together by 90 degrees.
+        budget: the option that buys accuracy, and the values to try; None for a method without one.
+        slope: largest fitted slope of log RMS over log samples; None where no convergence is claimed.
+    """
+
+    furnace: float = 0.02
+    linear: bool = True
+    turns: float = 0.02
+    budget: tuple[str, tuple[int, ...]] | None = ("samples", (16, 64, 256, 1024))
+    slope: float | None = None
+
+
+class Method(Options):
+    """A way to shade glossy surfaces under an environment map.
+
+    Subclasses state options as annotated attributes, stages with `@stage`, and
+    shade(self, points, material, <stages by name>) -> radiance (P, 3), float32.
+    """
+
+    contract: ClassVar[Contract] = Contract()
+
+    def supports(self, material: Material, scene: Any) -> str | None:
+        """Why this method cannot show this material on this scene; None when it can."""
+        return None
+
+    def n_samples(self, material: Material) -> int:
+        """Light samples that a pixel takes; a pattern may not meet the budget exactly."""
+        return int(getattr(self, "samples", 1))
+
+    def half_vectors(self, material: Material) -> Tensor | None:
+        """The half vectors (N, 2), theta and phi, that every pixel uses for the first lobe; None if there are none."""
+        return None
+
+    shade: ClassVar[Callable[..., Tensor]]
+
+
+METHODS: Registry[Method] = Registry("method", "glossbench.methods", "glossbench.methods")
+
+
+def stages_of(method: type[Method]) -> dict[str, Stage]:
+    """The stages of a method in the order in which they must run; InputError for a parameter that nothing provides."""
+    members = {name: value for cls in reversed(method.__mro__) for name, value in vars(cls).items()}
+    pending = {name: value for name, value in members.items() if isinstance(value, Stage)}
+    known = set(INPUTS) | set(pending)
+    users = [*pending.items(), ("shade", Stage(method.shade))]
+    for name, user in users:
+        for needed in user.needs:
+            if needed not in known | ({"points"} if name == "shade" else set()):
+                raise InputError(f"{method.__name__}.{name} asks for {needed!r}: no input and no stage has that name")
+    order: dict[str, Stage] = {}
+    while pending:
+        ready = [name for name, value in pending.items() if all(n in order or n in INPUTS for n in value.needs)]
+        if not ready:
+            raise InputError(f"{method.__name__}: the stages {', '.join(pending)} wait for each other")
+        for name in ready:
+            order[name] = pending.pop(name)
+    return order
+
+
+def dependencies(stages: Mapping[str, Stage]) -> dict[str, frozenset[str]]:
+    """The inputs that each stage depends on, itself or through earlier stages."""
+    found: dict[str, frozenset[str]] = {}
+    for name, value in stages.items():
+        found[name] = frozenset().union(*(found.get(n, frozenset({n})) for n in value.needs))
+    return found
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The value of one stage with what it cost."""
+
+    value: Any
+    seconds: float
+    n_bytes: int
+
+
+class StageCache:
+    """Values of stages that were computed, for whoever asks for the same again.
+
+    Same means: the same stage, with equal values of the options that it read, of equal inputs. So one pyramid serves
+    every method, material and budget.
+    """
+
+    def __init__(self) -> None:
+        self._entries: dict[tuple[Any, ...], list[tuple[dict[str, Any], Prepared]]] = {}
+
+    def get(self, stage: Stage, method: Method, inputs: dict[str, Any], keys: tuple[Any, ...]) -> Prepared:
+        """The stage's value, computed where no equal one is known."""
+        entries = self._entries.setdefault((stage.function, keys), [])
+        for read, prepared in entries:
+            if all(getattr(method, option, None) == value for option, value in read.items()):
+                return prepared
+        recorder = _Recorder(method)
+        device = str(inputs["light"].faces.device) if "light" in inputs else "cpu"
+        value, seconds = timed(lambda: stage.function(recorder, **inputs), device)
+        prepared = Prepared(value, seconds, n_bytes(value))
+        entries.append((recorder.read, prepared))
+        return prepared
+
+
+class _Recorder:
+    """Stands for a method while a stage runs, and notes the options that it reads."""
+
+    def __init__(self, method: Method) -> None:
+        self._method = method
+        self.read: dict[str, Any] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(self._method, name)
+        if callable(value):  # a helper of the method may read any option
+            self.read |= {f.name: getattr(self._method, f.name) for f in dataclasses.fields(self._method)}  # type: ignore[arg-type]
+        else:
+            self.read[name] = value
+        return value
+
+
+def timed(work: Callable[[], Any], device: str = "cpu", patience: float = 0.5) -> tuple[Any, float]:
+    """The value of some work and the seconds that it takes once warm.
+
+    The first run warms up; while `patience` seconds last, it is run again, and the fastest counts.
+    """
+    best, spent, value = float("inf"), 0.0, None
+    while spent < patience:
+        started = time.perf_counter()
+        value = work()
+        if device.startswith("cuda"):
+            torch.cuda.synchronize()
+        seconds = time.perf_counter() - started
+        best, spent = min(best, seconds), spent + max(seconds, patience / 5)
+    return value, best
+
+
+def n_bytes(value: Any) -> int:
+    """Bytes of all tensors inside a value: tuples, dictionaries and dataclasses of them."""
+    return sum(t.element_size() * t.nelement() for t in _tensors(value))
+
+
+def _tensors(value: Any) -> Iterator[Tensor]:
+    if isinstance(value, Tensor):
+        yield value
+    elif isinstance(value, Mapping):
+        yield from (t for v in value.values() for t in _tensors(v))
+    elif isinstance(value, tuple | list):
+        yield from (t for v in value for t in _tensors(v))
+    elif dataclasses.is_dataclass(value):
+        yield from (t for f in dataclasses.fields(value) for t in _tensors(getattr(value, f.name)))
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What an image cost.
+
+    Attributes:
+        stage_seconds: of each stage, in their order.
+        update_seconds: of the stages that must be redone when the light, material, geometry or view changes.
+        shade_seconds: of all pixels, once the stages are there.
+        state_bytes: of what all stages leave in memory.
+        n_samples: light samples a pixel.
+    """
+
+    stage_seconds: dict[str, float] = field(default_factory=dict)
+    update_seconds: dict[str, float] = field(default_factory=dict)
+    shade_seconds: float = 0.0
+    state_bytes: int = 0
+    n_samples: int = 0
+
+
+@dataclass(frozen=True)
+class Image:
+    """What a method shows.
+
+    Attributes:
+        radiance: (H, W, 3), float32, zero outside the mask.
+        mask: (H, W), true where the surface is seen.
+        costs: seconds and bytes.
+    """
+
+    radiance: Tensor
+    mask: Tensor
+    costs: Costs = field(default_factory=Costs)
+
+
+def shade(
+    method: Method, light: CubeMap, material: Material, view: View, *, cache: StageCache | None = None, time_it: bool = True
+) -> Image:
+    """The image of a material under a light by a method.
+
+    Args:
+        cache: stages of earlier calls, to be shared; by default none.
+        time_it: run shade again while half a second lasts, so that its time is a warm one.
+
+    Raises:
+        InputError: the method does not support the combination.
+        MethodError: the method returned the wrong shape or dtype, or radiance that is not finite.
+    """
+    reason = method.supports(material, view.scene())
+    if reason:
+        raise InputError(f"{method.name} cannot show this: {reason}")
+    cache = StageCache() if cache is None else cache
+    device = str(light.faces.device)
+    inputs = {"light": light, "material": material, "scene": view.scene(), "view": view}
+    keys: dict[str, Any] = {"light": light.key or id(light), "material": material, "scene": view.scene(), "view": view}
+    keys["light"] = (keys["light"], light.resolution, device)
+    stages = stages_of(type(method))
+    prepared: dict[str, Prepared] = {}
+    for name, current in stages.items():
+        values = {n: inputs[n] if n in INPUTS else prepared[n].value for n in current.needs}
+        names = tuple(keys[n] for n in current.needs)
+        prepared[name] = cache.get(current, method, values, names)
+        keys[name] = (current.function, names, id(prepared[name]))
+
+    points = view.points().to(device)
+    wanted = inspect.signature(method.shade).parameters
+    state = {n: prepared[n].value if n in prepared else inputs[n] for n in wanted if n not in ("points", "material")}
+
+    def run() -> Tensor:
+        return method.shade(points, material, **state)
+
+    values, seconds = timed(run, device, patience=0.5 if time_it else 1e-9)
+    mask = view.mask()
+    depends = dependencies(stages)
+    costs = Costs(
+        stage_seconds={name: p.seconds for name, p in prepared.items()},
+        update_seconds={
+            change: sum(p.seconds for name, p in prepared.items() if source in depends[name])
+            for change, source in CHANGES.items()
+        },
+        shade_seconds=seconds,
+        state_bytes=sum(p.n_bytes for p in prepared.values()),
+        n_samples=method.n_samples(material),
+    )
+    return Image(image_of(mask, _checked(method, points, values)), mask, costs)
+
+
+def _checked(method: Method, points: ShadingPoints, values: Any) -> Tensor:
+    """The radiance that a method returned, or MethodError."""
+    if not isinstance(values, Tensor):
+        raise MethodError(f"{method.name}.shade must return a tensor, got {type(values).__name__}")
+    if tuple(values.shape) != (len(points), 3) or values.dtype != torch.float32:
+        got = f"{tuple(values.shape)} {str(values.dtype).removeprefix('torch.')}"
+        raise MethodError(f"{method.name}.shade must return ({len(points)}, 3) float32, got {got}")
+    bad = ~torch.isfinite(values).all(dim=1)
+    if bad.any():
+        first = int(bad.nonzero()[0])
+        n = [round(float(c[first]), 4) for c in points.n]
+        raise MethodError(f"{method.name}.shade: {int(bad.sum())} points are not finite, the first where the normal is {n}")
+    return values

@@ -1,0 +1,37 @@
+"""Stages that several methods share: because it is one object, one value serves them all."""
+
+from math import pi
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from glossbench.brdf.material import Reflectance
+from glossbench.directions import Vec3
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.harmonics import irradiance as irradiance_at
+from glossbench.envmap.harmonics import irradiance_coefficients
+from glossbench.envmap.paraboloid import Paraboloid, build_paraboloid
+from glossbench.envmap.pyramid import Pyramid, build_pyramid
+from glossbench.shading import stage
+
+
+@stage
+def pyramid(self: Any, light: CubeMap) -> Pyramid | Paraboloid:
+    """The filtered light; reads the method's `mip_filter` and `projection` ("cube" or "dual_paraboloid")."""
+    if self.projection == "dual_paraboloid":
+        return build_paraboloid(light, self.mip_filter)
+    return build_pyramid(light, self.mip_filter)
+
+
+@stage
+def irradiance(self: Any, light: CubeMap) -> Tensor:
+    """Nine spherical-harmonic coefficients of the irradiance, for the diffuse part."""
+    return irradiance_coefficients(light)
+
+
+def diffuse_radiance(reflectance: Reflectance, coefficients: Tensor, n: Vec3) -> Tensor:
+    """The diffuse part of the outgoing radiance, albedo E(n) / pi: (P, 3)."""
+    if not reflectance.diffuse:
+        return coefficients.new_zeros(n.x.shape[0], 3)
+    return irradiance_at(coefficients, n) * torch.stack(reflectance.diffuse) / pi

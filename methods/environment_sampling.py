@@ -1,0 +1,64 @@
+"""Environment sampling: the light as N directional lights, drawn by luminance."""
+
+from typing import Annotated, NamedTuple
+
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from glossbench.brdf.material import Material, Reflectance
+from glossbench.directions import PointSet, Vec3, points_2d, to_local
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.importance import luminance_distribution
+from glossbench.envmap.pyramid import finest, lookup
+from glossbench.fusion import over_points
+from glossbench.scene.points import ShadingPoints
+from glossbench.shading import METHODS, Contract, Method, stage
+
+
+class DirectionalLights(NamedTuple):
+    """N lights: directions with components (1, N), and radiance over pdf over N, (N, 3)."""
+
+    direction: Vec3
+    power: Tensor
+
+
+@METHODS.register("environment_sampling")
+class EnvironmentSampling(Method):
+    """Lo ~ (1/N) sum of f(wo, wi) cos_i L(wi) / p(wi), wi drawn in proportion to luminance, the same at every pixel.
+
+    Good for rough materials and lights of small bright parts; on a glossy material it shows N separate highlights.
+
+    Attributes:
+        samples: N.
+        points: N points of the unit square.
+        seed: of random points.
+
+    Source: the baseline of Krivanek and Colbert 2008, figure 3; sampling after Pharr and Humphreys 2004.
+    """
+
+    samples: Annotated[int, Field(ge=1, le=1 << 20)] = 64
+    points: PointSet = "hammersley"
+    seed: int = 0
+
+    contract = Contract(slope=-0.4)
+
+    @stage
+    def lights(self, light: CubeMap) -> DirectionalLights:
+        """The directional lights."""
+        u = points_2d(self.samples, self.points, self.seed).to(light.faces.device)
+        d, pdf = luminance_distribution(light).sample(u)
+        radiance = lookup(finest(light), d)
+        return DirectionalLights(Vec3(*(c[None] for c in d)), radiance / (pdf * self.samples)[:, None])
+
+    def shade(self, points: ShadingPoints, material: Material, lights: DirectionalLights) -> Tensor:
+        """Radiance (P, 3)."""
+        return over_points(_kernel, points, self.samples, material.reflectance(points.device), lights)
+
+
+def _kernel(points: ShadingPoints, reflectance: Reflectance, lights: DirectionalLights) -> Tensor:
+    """Sum over lights."""
+    wi = to_local(lights.direction, points.t, points.b, points.n)
+    f = reflectance.f(points.wo_local(), wi)
+    sums = [(channel * wi.z) @ lights.power for channel in f]
+    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)

@@ -1,0 +1,61 @@
+"""Importance sampling of the BRDF without a filter: what prefiltering is measured against."""
+
+from typing import Annotated, Any
+
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from glossbench.brdf.lobe import Lobe
+from glossbench.brdf.material import Material
+from glossbench.directions import PointSet, points_2d, to_world
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.pyramid import Environment, finest, weighted_radiance
+from glossbench.fusion import over_points
+from glossbench.scene.points import ShadingPoints
+from glossbench.shading import METHODS, Contract, Method, stage
+from glossbench.stages import diffuse_radiance, irradiance
+
+
+@METHODS.register("importance_sampling")
+class ImportanceSampling(Method):
+    """Lo ~ (1/N) sum of L(wi) f cos_i / p, wi drawn by the BRDF's sampler, the same N points at every pixel.
+
+    Each glossy lobe is summed by itself with its share of the samples; the diffuse part is nine spherical harmonics.
+    Small bright lights show as separate images of themselves until samples lie closer than the lights are wide.
+
+    Attributes:
+        samples: N, shared by the lobes.
+        points: N points of the unit square.
+        seed: of random points.
+
+    Source: Cook 1986; sampling of each lobe as its model states.
+    """
+
+    samples: Annotated[int, Field(ge=1, le=1 << 20)] = 40
+    points: PointSet = "hammersley"
+    seed: int = 0
+
+    contract = Contract(slope=-0.4)
+
+    irradiance = irradiance
+
+    @stage
+    def texels(self, light: CubeMap) -> Environment:
+        """The light with borders, for a bilinear lookup."""
+        return finest(light)
+
+    def shade(self, points: ShadingPoints, material: Material, texels: Environment, irradiance: Tensor) -> Tensor:
+        """Radiance (P, 3)."""
+        reflectance = material.reflectance(points.device)
+        radiance = diffuse_radiance(reflectance, irradiance, points.n)
+        for lobe, n in zip(reflectance.lobes, reflectance.share(self.samples), strict=True):
+            samples = lobe.sample_points(points_2d(n, self.points, self.seed).to(points.device))
+            radiance += over_points(_kernel, points, n, lobe, samples, texels) / n
+        return radiance
+
+
+def _kernel(points: ShadingPoints, lobe: Lobe, samples: Any, texels: Environment) -> Tensor:
+    """Sum over samples of one lobe."""
+    wi, _, weight = lobe.sample(points.wo_local(), samples)
+    return weighted_radiance(texels, to_world(wi, points.t, points.b, points.n), None, weight)

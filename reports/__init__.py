@@ -1,0 +1,1 @@
+"""Report generators: they read what a run left on disk, never live objects."""

@@ -1,0 +1,341 @@
+"""The HTML report of a study: one file, read from what the run left on disk, that opens without a network."""
+
+import json
+import os
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+import yaml
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from glossbench.metrics import METRICS
+from glossbench.results import Results
+
+from . import figures
+
+MANY_CELLS = 24  # beyond it a group of images shows three budgets a method
+MANY_PATTERNS = 12
+CLIPPED_SHARE = 0.5  # percent of the pixels that may lie beyond the scale of the error maps
+WHITE = 99.0  # percentile of the reference that the exposure brings to white
+KINDS = ("light", "material", "view")
+JSON = (*(f"{kind}_options" for kind in KINDS), "options", "tuned", "stage_seconds", "update_seconds")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One row of the table, with its names.
+
+    Attributes:
+        row: the row of cells.parquet; JSON columns parsed, missing values None.
+        options: those that tell it from the other cells of its method, budget and tuned ones aside; or "".
+        index: the place of this method with these options in the study.
+    """
+
+    row: Mapping[str, Any]
+    options: str
+    index: int
+
+    @property
+    def name(self) -> str:
+        """Method and options: one line of a plot."""
+        return f"{self.row['method']} ({self.options})" if self.options else str(self.row["method"])
+
+    @property
+    def done(self) -> bool:
+        """True where there is an image."""
+        return bool(self.row["status"] == "done")
+
+
+@dataclass(frozen=True)
+class Group:
+    """The cells of one light, material and view, which share a reference.
+
+    Attributes:
+        title: the names, with the options that tell them from others.
+        options: all options of light, material and view.
+        reference: values of the reference's columns; empty where no cell was done.
+        best: keys of the best cells by metric.
+    """
+
+    title: str
+    options: Mapping[str, Mapping[str, Any]]
+    cells: Sequence[Cell]
+    reference: Mapping[str, Any]
+    best: Mapping[str, frozenset[str]]
+
+    @property
+    def done(self) -> list[Cell]:
+        """The cells that have an image."""
+        return [cell for cell in self.cells if cell.done]
+
+
+def write_report(folder: Path) -> Path:
+    """Writes report.html into a folder of results, whole or not at all, and returns its path."""
+    results = Results(folder)
+    rows = [_parsed(row) for row in results.cells.to_dict("records")]
+    metrics = [name for name in results.cells.columns if name in _metrics(results.study)]
+    groups = _groups(rows, metrics)
+    templates = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    templates.filters |= {"number": figures.number, "count": _count, "samples": _samples}
+    templates.filters |= {"options": _options, "breakable": _breakable}
+    page = templates.get_template("report.html").render(
+        study=results.study,
+        study_yaml=yaml.safe_dump(results.study, sort_keys=False, allow_unicode=True),
+        claims=results.claims,
+        provenance=results.provenance,
+        metrics=metrics,
+        definitions=_metrics(results.study),
+        groups=groups,
+        sections=[(g, _plots(g, f"g{i}"), _images(results, g, f"g{i}")) for i, g in enumerate(groups)],
+        patterns=_patterns(results, groups),
+        n_patterns=MANY_PATTERNS,
+        seen={key: _seen(rows, key) for key in ("version", "torch", "device", "seed", "light_key")},
+        white=WHITE,
+    )
+    path = Path(folder) / "report.html"
+    part = path.with_name(f".{path.name}.{uuid4().hex}.part")
+    try:
+        part.write_text(page, encoding="utf-8")
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+    return path
+
+
+def _parsed(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row with None for what is missing and values for what is JSON."""
+    parsed = {key: None if isinstance(v, float) and np.isnan(v) else v for key, v in row.items()}
+    for key in JSON:
+        parsed[key] = json.loads(parsed.get(key) or "{}")
+    return parsed
+
+
+def _metrics(study: Mapping[str, Any]) -> dict[str, Any]:
+    """Metrics by name: the registered class, or None for one whose plug-in is not installed here."""
+    entries = [[entry] if isinstance(entry, str) else entry for entry in study.get("metrics") or ()]
+    asked = dict.fromkeys(name for entry in entries for name in entry)
+    return asked | {name: METRICS.get(name) for name in METRICS.names()}
+
+
+def _groups(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Group]:
+    """Cells by light, material and view, in the order of the study."""
+    cells = _cells(rows)
+    names = {kind: _names(kind, rows) for kind in KINDS}
+
+    def place(cell: Cell) -> tuple[int, ...]:
+        return tuple(list(names[kind]).index(_identity(kind, cell.row)) for kind in KINDS)
+
+    found = []
+    for _, members in groupby(sorted(cells, key=place), key=place):
+        group = sorted(members, key=lambda cell: (cell.index, cell.row["n_samples"] or 0))
+        first = next((cell.row for cell in group if cell.done), {})
+        title = ", ".join(names[kind][_identity(kind, group[0].row)] for kind in KINDS)
+        options = {kind: group[0].row[f"{kind}_options"] for kind in KINDS}
+        best = {metric: _best(metric, [cell.row for cell in group if cell.done]) for metric in metrics}
+        found.append(Group(title, options, group, first, best))
+    return found
+
+
+def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
+    """Rows as cells, each with the options that tell it from others of its method."""
+    told: dict[str, list[str]] = {}
+    for method in dict.fromkeys(row["method"] for row in rows):
+        own = [row for row in rows if row["method"] == method]
+        samples = [(row["options"], row["n_samples"]) for row in own if row["status"] == "done"]
+        budgets = {"samples"} | {key for row in own for key in row["tuned"]}
+        told[method] = [
+            key
+            for key in _differing([row["options"] for row in own])
+            if key not in budgets and not (samples and all(options.get(key) == n for options, n in samples))
+        ]
+    order: dict[tuple[str, str], int] = {}
+    cells = []
+    for row in rows:
+        text = _options({key: row["options"].get(key) for key in told[row["method"]]})
+        cells.append(Cell(row, text, order.setdefault((row["method"], text), len(order))))
+    return cells
+
+
+def _identity(kind: str, row: Mapping[str, Any]) -> str:
+    return json.dumps([row[kind], row[f"{kind}_options"]], sort_keys=True)
+
+
+def _names(kind: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """The name of each light, material or view, with the options in which those of one name differ."""
+    known = {_identity(kind, row): row for row in rows}
+    named = {}
+    for identity, row in known.items():
+        alike = [other[f"{kind}_options"] for other in known.values() if other[kind] == row[kind]]
+        text = _options({key: row[f"{kind}_options"].get(key) for key in _differing(alike)})
+        named[identity] = f"{row[kind]} ({text})" if text else str(row[kind])
+    return named
+
+
+def _differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Keys, in order, whose value is not the same in all."""
+    keys = dict.fromkeys(key for each in options for key in each)
+    return [key for key in keys if len({json.dumps(each.get(key)) for each in options}) > 1]
+
+
+def _options(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} {_value(value)}" for key, value in options.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}".replace("-", "−")
+    if isinstance(value, list):
+        return f"[{', '.join(_value(each) for each in value)}]"
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _count(value: float | None) -> str:
+    """A whole number with narrow spaces between thousands."""
+    if value is None:
+        return "–"
+    return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
+
+
+def _samples(value: float) -> str:
+    return f"{_count(value)} {'sample' if value == 1 else 'samples'}"
+
+
+def _breakable(name: str) -> Markup:
+    """A name that a line may break after its underscores."""
+    return escape(name).replace("_", Markup("_<wbr>"))
+
+
+def _best(metric: str, rows: Sequence[Mapping[str, Any]]) -> frozenset[str]:
+    """Keys of the cells with the best value; all that the reference cannot tell apart share the place."""
+    floor = frozenset(row["key"] for row in rows if row["at_noise_floor"])
+    values = {row["key"]: abs(row[metric]) for row in rows if row[metric] is not None}
+    if floor or not values:
+        return floor
+    registered = METRICS.get(metric) if metric in METRICS.names() else None
+    ends = min if registered is None or registered.lower_is_better else max
+    return frozenset(key for key, value in values.items() if value == ends(values.values()))
+
+
+def _plots(group: Group, name: str) -> list[Markup]:
+    """RMS over samples and over shading time, or by method where each has one budget."""
+    lines = []
+    done = [cell for cell in group.done if cell.row["rms"] is not None]
+    for index, members in groupby(done, key=lambda cell: cell.index):
+        own = list(members)
+        n, seconds, rms = (
+            np.array([c.row[key] for c in own], float) for key in ("n_samples", "shade_seconds", "rms")
+        )
+        at_floor = np.array([bool(c.row["at_noise_floor"]) for c in own])
+        lines.append(figures.Line(own[0].name, index, n, 1e3 * seconds, rms, at_floor))
+    if not lines:
+        return []
+    noise = group.reference["reference_noise"] or 0.0
+    swept = any(len(set(line.samples)) > 1 for line in lines)
+    first = figures.error_over("samples", lines, noise) if swept else figures.error_by_method(lines, noise)
+    second = figures.error_over("milliseconds", lines, noise)
+    return [Markup(figures.svg(f, f"{name}-{i}")) for i, f in enumerate((first, second))]
+
+
+def _images(results: Results, group: Group, name: str) -> dict[str, Any]:
+    """Pictures and error maps of a group: one exposure, one scale."""
+    if not group.done:
+        return {}
+    key = group.reference["reference_key"]
+    reference, mask = results.reference(key).astype(np.float64), results.mask(key)
+    errors = [(results.image(c.row["key"]) - reference).mean(axis=2)[mask] for c in group.done]
+    limit = error_limit(errors)
+    exposure = exposure_of(reference, mask)
+    shown = _shown(group.done)
+    tiles = []
+    for cell in shown:
+        image = results.image(cell.row["key"])
+        picture = _uri(figures.picture(image, mask, exposure))
+        error = _uri(figures.error_map((image - reference).mean(axis=2), mask, limit))
+        tiles.append({"cell": cell, "picture": picture, "error": error})
+    noise = results.standard_error(key).mean(axis=2)
+    return {
+        "picture": _uri(figures.picture(reference, mask, exposure)),
+        "noise": _uri(figures.error_map(noise, mask, limit)),
+        "rows": _tile_rows(tiles),
+        "left_out": len(group.done) - len(shown),
+        "limit": limit,
+        "clipped": 100 * float(np.mean([np.abs(e) > limit for e in errors])),
+        "share": 100 - CLIPPED_SHARE,
+        "exposure": exposure,
+        "stops": f"{round(float(np.log2(exposure)), 1) + 0.0:+.1f}".replace("-", "−"),
+        "shape": mask.shape,
+        "scaled": max(mask.shape) > 256,
+        "bar": Markup(figures.svg(figures.colour_bar(limit), f"{name}-bar")),
+    }
+
+
+def _tile_rows(tiles: Sequence[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+    """A row for each method with more than one budget; the others together in the last."""
+    rows = [list(members) for _, members in groupby(tiles, key=lambda tile: tile["cell"].index)]
+    single = [row[0] for row in rows if len(row) == 1]
+    return [row for row in rows if len(row) > 1] + ([single] if single else [])
+
+
+def error_limit(errors: Sequence[figures.Floats]) -> float:
+    """The end of the scale that the error maps of a group share: a percentile of |error| of all cells."""
+    size = np.abs(np.concatenate(errors))
+    return float(np.percentile(size, 100 - CLIPPED_SHARE)) or float(size.max()) or 1.0
+
+
+def exposure_of(reference: figures.Floats, mask: figures.Mask) -> float:
+    """The factor that brings a high percentile of the reference's brightest channel to white."""
+    brightest = reference[mask].max(axis=1)
+    white = float(np.percentile(brightest, WHITE)) or float(brightest.max())
+    return 1 / white if white > 0 else 1.0
+
+
+def _shown(cells: Sequence[Cell]) -> list[Cell]:
+    """All cells; of too many the smallest, middle and largest budget of each method."""
+    if len(cells) <= MANY_CELLS:
+        return list(cells)
+    shown = []
+    for _, members in groupby(cells, key=lambda cell: cell.index):
+        own = list(members)
+        shown += [own[i] for i in sorted({0, len(own) // 2, len(own) - 1})]
+    return shown
+
+
+def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
+    """Half vectors that the pixels share, equal ones once; only their number where there are too many."""
+    found: dict[Any, tuple[Group, Cell, figures.Floats]] = {}
+    for group in groups:
+        for cell in group.done:
+            half_vectors = results.half_vectors(cell.row["key"])
+            if half_vectors is not None:
+                found.setdefault((cell.index, half_vectors.tobytes()), (group, cell, half_vectors))
+    if not found or len(found) > MANY_PATTERNS:
+        return {"count": len(found), "tiles": []}
+    widest = max(float(np.degrees(h[:, 0].max())) for _, _, h in found.values() if len(h))
+    largest = max(5.0, np.ceil(widest / 5) * 5)
+    tiles = []
+    for i, (group, cell, half_vectors) in enumerate(found.values()):
+        drawn = Markup(figures.svg(figures.pattern(half_vectors, largest), f"pattern{i}"))
+        tiles.append({"title": group.title, "cell": cell, "n": len(half_vectors), "svg": drawn})
+    return {"count": len(found), "tiles": tiles}
+
+
+def _seen(rows: Sequence[Mapping[str, Any]], key: str) -> list[str]:
+    """Different values of a column, in order."""
+    return list(dict.fromkeys(str(row[key]) for row in rows if row.get(key) is not None))
+
+
+def _uri(png: bytes) -> str:
+    return f"data:image/png;base64,{b64encode(png).decode()}"

@@ -1,0 +1,1 @@
+"""The studies that come with glossbench: each YAML file is one question."""

@@ -1,0 +1,16 @@
+"""Fixtures that more than one test module asks for."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real light files and its MANIFEST.yaml; skips where it is absent."""
+    default = Path(__file__).resolve().parents[2] / "shared" / "data"
+    folder = Path(os.environ.get("GLOSSBENCH_DATA") or default)
+    if not (folder / "MANIFEST.yaml").is_file():
+        pytest.skip(f"no light files in {folder}; set GLOSSBENCH_DATA")
+    return folder

@@ -1,0 +1,337 @@
+"""The report of synthetic results: discs of known errors, so that numbers and colours can be checked."""
+
+import base64
+import io
+import json
+import re
+
+import numpy as np
+import OpenEXR
+import pandas as pd
+import pytest
+import yaml
+from PIL import Image
+
+from glossbench.reports import figures, html
+
+SCRIPT = "<script>alert('x')</script>"
+N = 64
+NOISE = 2e-3
+METHODS = {"regular_sampling": 1.0, "filtered_importance_sampling": 2.0, "split_sum": 8.0}
+CLAIMS = [
+    ("Regular sampling has the lower error", "holds"),
+    ("Split sum is cheapest", "does not hold"),
+    ("All agree at 1024 samples", "within noise"),
+    ("The same on a GPU", "not tested"),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Results with two materials: three methods of RMS ~ 1/sqrt(samples), a skipped and a failed cell."""
+    return write_results(tmp_path_factory.mktemp("results") / "discs")
+
+
+@pytest.fixture
+def without_plots(monkeypatch):
+    """Plots take most of the time of a report; a planted fault in pictures or text needs none."""
+    monkeypatch.setattr(figures, "svg", lambda *_: "")
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    return html.write_report(folder).read_text(encoding="utf-8")
+
+
+def write_results(folder, budgets=(4, 16, 64, 256)):
+    """A folder of results as a run leaves it."""
+    rng = np.random.default_rng(7)
+    for name in ("images", "references"):
+        (folder / name).mkdir(parents=True)
+    y, x = (np.mgrid[:N, :N] + 0.5) / N * 2 - 1
+    mask = x**2 + y**2 < 0.9
+    rows = []
+    for i, m in enumerate(([0.1, 0.1], [0.2, 0.075])):
+        reference_key = f"ref{i}"
+        highlight = np.exp(-((x + 0.3) ** 2 + (y + 0.3) ** 2) / m[0])
+        reference = (0.1 + highlight)[..., None] * [1.0, 0.9, 0.7] * mask[..., None]
+        write_exr(folder / "references" / f"{reference_key}.exr", reference)
+        write_exr(
+            folder / "references" / f"{reference_key}_standard_error.exr",
+            NOISE * mask[..., None] * np.ones(3),
+        )
+        Image.fromarray(np.uint8(255 * mask)).save(folder / "references" / f"{reference_key}_mask.png")
+        shared = {"reference_key": reference_key, "light": "spots", "light_options": '{"seed": 7}',
+                  "material": "kurt", "material_options": json.dumps({"m": m, "f0": 1.0}), "view": "sphere",
+                  "view_options": json.dumps({"resolution": N}), "reference_noise": NOISE,
+                  "reference_mean": float(reference[mask].mean()), "reference_samples": 65536,
+                  "reference_seconds": 12.5, "version": "0.1.0", "torch": "2.8.0", "device": "cpu", "seed": 3,
+                  "light_key": "f00d" * 4}  # fmt: skip
+        for method, size in METHODS.items():
+            for n in budgets if method != "split_sum" else budgets[:1]:
+                n_samples = n if method != "split_sum" else 1
+                rms = 0.1 * size / np.sqrt(n)
+                error = (
+                    rms
+                    * (rng.standard_normal((N, N, 3)) * 0.6 + 0.8 * np.sign(x)[..., None])
+                    * mask[..., None]
+                )
+                key = f"{method}-{n}-{i}"
+                write_exr(folder / "images" / f"{key}.exr", reference + error)
+                if method == "regular_sampling" and n <= 64:
+                    u = (np.arange(n) + 0.5) / n
+                    half_vectors = np.stack(
+                        [np.arctan(m[0] * np.sqrt(-np.log(1 - u))), 2.4 * np.arange(n)], 1
+                    )
+                    np.save(folder / "images" / f"{key}_half_vectors.npy", half_vectors)
+                options = {"samples": n, "mip_bias": 0.35} if method != "split_sum" else {"levels": 6}
+                rows.append(shared | {
+                    "key": key, "method": method, "options": json.dumps(options),
+                    "tuned": '{"mip_bias": 0.35}' if method == "regular_sampling" else "{}",
+                    "status": "done", "reason": None, "rms": float(np.sqrt(np.mean(error[mask] ** 2))),
+                    "relative_rms": rms / shared["reference_mean"], "mean_error": float(error[mask].mean()),
+                    "max_error": float(np.abs(error).max()), "at_noise_floor": False, "n_samples": n_samples,
+                    "stage_seconds": json.dumps({"pyramid": 0.0123, "visibility": 0.002}),
+                    "update_seconds": json.dumps({"light": 0.0143, "geometry": 0.002, "view": 0.002}),
+                    "shade_seconds": 1e-4 * n, "state_bytes": 2_100_000,
+                })  # fmt: skip
+        rows[-2] |= {"at_noise_floor": True, "rms": 1.7 * NOISE}
+        none = dict.fromkeys(
+            ("rms", "relative_rms", "mean_error", "max_error", "shade_seconds", "state_bytes", "n_samples")
+        )
+        for method, status, reason in (
+            ("lighting_factorization", "skipped", "the BRDF must be isotropic, m is (0.2, 0.075)"),
+            ("broken", "failed", f"Traceback (most recent call last):\n  line 3\nMethodError: {SCRIPT}"),
+        ):
+            rows.append(shared | none | {
+                "key": f"{method}-{i}", "method": method, "options": '{"samples": 64}', "tuned": "{}",
+                "status": status, "reason": reason, "at_noise_floor": False, "stage_seconds": "{}",
+                "update_seconds": "{}",
+            })  # fmt: skip
+    study = {
+        "title": f"Highlights stay well defined at 14 and 17 samples {SCRIPT}",
+        "source": "Luksch et al. 2014, Figure 8",
+        "question": "Which sampling keeps the highlight at a small budget?",
+        "light": [{"spots": {"seed": 7}}],
+        "material": [{"kurt": {"m": [0.1, 0.1]}}, {"kurt": {"m": [0.2, 0.075]}}],
+        "view": [{"sphere": {"resolution": N}}],
+        "methods": [{"regular_sampling": {"samples": list(budgets)}}],
+        "reference": {"relative_error": 1e-3},
+        "metrics": ["rms", "relative_rms", "mean_error", "max_error"],
+        "claims": [{"text": text} for text, _ in CLAIMS],
+    }
+    number = {"where": "kurt, samples = 14", "a": 0.0251, "b": 0.0502, "bound": None, "noise": NOISE}
+    claims = [
+        {"text": text, "kind": "lower", "verdict": verdict, "summary": f"In 4 of 4 places, {verdict}.",
+         "numbers": [number | {"verdict": verdict}] * 4}
+        for text, verdict in CLAIMS
+    ]  # fmt: skip
+    provenance = {"glossbench": "0.1.0", "python": "3.12.1", "torch": "2.8.0", "cores": 2,
+                  "started": "2025-01-01T10:00:00", "command": "glossbench run discs"}  # fmt: skip
+    (folder / "study.yaml").write_text(yaml.safe_dump(study))
+    (folder / "claims.json").write_text(json.dumps(claims))
+    (folder / "provenance.json").write_text(json.dumps(provenance))
+    pd.DataFrame(rows).to_parquet(folder / "cells.parquet")
+    return folder
+
+
+def write_exr(path, image):
+    planes = {c: np.ascontiguousarray(image[..., i], dtype=np.float32) for i, c in enumerate("RGB")}
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, planes).write(
+        str(path)
+    )
+
+
+def test_report_is_one_file_that_asks_for_nothing_else(page):
+    sources = re.findall(r'(?:src|href)="([^"]{5})', page)
+
+    assert {s if s.startswith("data:") else s[0] for s in sources} == {"data:", "#"}
+    assert not re.search(r"<script|<link|<iframe|@import|url\((?!#)", page)
+    assert "<text" in page  # text of a plot is text
+
+
+def test_same_results_give_the_same_bytes(folder, page):
+    assert html.write_report(folder).read_text(encoding="utf-8") == page
+    assert not list(folder.glob(".*.part"))
+
+
+def test_ids_are_unique_in_the_page(page):
+    ids = re.findall(r'\bid="([^"]+)"', page)
+
+    assert len(ids) == len(set(ids))
+
+
+def test_text_of_a_study_is_escaped(page):
+    check_escaped(page)
+
+
+def test_escape_check_notices_a_template_that_does_not_escape(folder, monkeypatch, without_plots):
+    plain = html.Environment
+    monkeypatch.setattr(html, "Environment", lambda **options: plain(**options | {"autoescape": False}))
+
+    with pytest.raises(AssertionError):
+        check_escaped(html.write_report(folder).read_text(encoding="utf-8"))
+
+
+def check_escaped(page):
+    assert SCRIPT not in page
+    # Title, heading, YAML of the study; last line and whole traceback, in both groups.
+    assert len(re.findall(r"&lt;script&gt;alert\(&#39;x&#39;\)&lt;/script&gt;", page)) >= 6
+
+
+def test_error_maps_are_centred_on_zero_and_share_one_scale(folder, page):
+    check_one_scale(folder, page)
+
+
+def test_scale_check_notices_a_scale_per_image(folder, monkeypatch, without_plots):
+    error_map = figures.error_map
+    monkeypatch.setattr(figures, "error_map", lambda e, mask, _: error_map(e, mask, np.abs(e[mask]).max()))
+
+    with pytest.raises(AssertionError):
+        check_one_scale(folder, html.write_report(folder).read_text(encoding="utf-8"))
+
+
+def test_scale_check_notices_a_scale_that_is_not_centred(folder, monkeypatch, without_plots):
+    error_map = figures.error_map
+    monkeypatch.setattr(figures, "error_map", lambda e, mask, limit: error_map(e + 0.1 * limit, mask, limit))
+
+    with pytest.raises(AssertionError):
+        check_one_scale(folder, html.write_report(folder).read_text(encoding="utf-8"))
+
+
+def check_one_scale(folder, page):
+    """Colours of all maps follow one straight line through zero: index = 127 + 127 error / limit."""
+    cells = pd.read_parquet(folder / "cells.parquet")
+    done = cells[cells.status == "done"]
+    maps = images_of("error", page)
+    assert len(maps) == len(done)
+    for reference_key, group in done.groupby("reference_key", sort=False):
+        reference = read_exr(folder / "references" / f"{reference_key}.exr")
+        errors, colours = [], []
+        for key in group.key:
+            errors.append((read_exr(folder / "images" / f"{key}.exr") - reference).mean(axis=2).ravel())
+            colours.append(np.asarray(maps.pop(0)).ravel().astype(float))
+        error, colour = np.concatenate(errors), np.concatenate(colours)
+        seen = colour != 255
+        limit = np.percentile(np.abs(error[seen]), 99.5)
+        expected = 127 + 127 * np.clip(error[seen] / limit, -1, 1)
+        assert np.abs(colour[seen] - expected).max() < 0.51  # rounding to a colour
+
+
+def test_too_bright_is_red_too_dark_is_blue_and_right_is_neutral():
+    error = np.array([[-1.0, 0.0, 1.0, 5.0]])
+
+    shown = Image.open(io.BytesIO(figures.error_map(error, np.array([[True, True, True, False]]), 2.0)))
+
+    blue, neutral, red, outside = np.asarray(shown.convert("RGBA")).astype(int)[0]
+    assert blue[2] > blue[0] + 50
+    assert red[0] > red[2] + 50
+    assert np.ptp(neutral[:3]) <= 2
+    assert [c[3] for c in (blue, neutral, red, outside)] == [255, 255, 255, 0]
+
+
+def test_picture_follows_the_srgb_curve_at_the_stated_exposure():
+    grey = np.full((2, 2, 3), 0.36)
+
+    shown = Image.open(io.BytesIO(figures.picture(grey, np.ones((2, 2), bool), 0.5)))
+
+    assert np.asarray(shown)[0, 0].tolist() == [118, 118, 118, 255]  # IEC 61966-2-1 of 0.18
+
+
+def test_large_images_are_averaged_over_the_surface_alone():
+    rng = np.random.default_rng(0)
+    mask = np.hypot(*(np.mgrid[:300, :400] - 150)) < 140
+    image = rng.random((300, 400, 3)) * mask[..., None]
+
+    small, share = figures.downscaled(image, mask)
+
+    assert small.shape == (192, 256, 3)
+    assert np.average(small, axis=(0, 1), weights=share) == pytest.approx(image[mask].mean(axis=0), rel=1e-12)
+    constant, share = figures.downscaled(np.ones((300, 400, 3)), mask)
+    assert constant[share > 0] == pytest.approx(1, rel=1e-12)  # black background does not darken the rim
+
+
+def test_cell_at_the_noise_floor_has_no_number(page):
+    rows = [row for row in re.findall(r"<tr>.*?</tr>", page, re.DOTALL) if "at the noise floor" in row]
+
+    assert len(rows) == 2
+    assert all("filtered_importance_sampling" in row and "RMS ≤ 0.0040" in row for row in rows)
+    assert figures.number(1.7 * NOISE) not in "".join(rows)
+
+
+def test_skipped_and_failed_cells_are_in_the_table_with_their_reasons(page):
+    assert page.count("skipped: the BRDF must be isotropic, m is (0.2, 0.075)") == 2
+    assert page.count("Traceback (most recent call last):") == 2
+
+
+def test_each_verdict_is_said_in_words(page):
+    assert re.findall(r'<span class="badge [\w-]+">. ([\w ]+)</span>', page) == [
+        verdict for _, verdict in CLAIMS
+    ]
+
+
+def test_best_of_a_group_is_marked(tmp_path):
+    folder = write_results(tmp_path / "one", budgets=(16,))
+    cells = pd.read_parquet(folder / "cells.parquet")
+    cells["at_noise_floor"] = False
+    cells.to_parquet(folder / "cells.parquet")
+
+    page = html.write_report(folder).read_text(encoding="utf-8")
+
+    best = cells[cells.status == "done"].groupby("reference_key").rms.min()
+    for rms in best:
+        assert f"<strong>{figures.number(rms)}</strong>" in page
+    assert "light samples a pixel" not in page  # one budget: dots a method, no line
+    assert "shading time [ms]" in page
+
+
+def test_slope_is_fitted_through_resolved_points():
+    n = np.array([4.0, 16, 64, 256])
+    rms = 3 * n**-0.75
+    rms[-1] = 0.1  # held up by the reference's noise
+
+    def line(k, at_floor):
+        return figures.Line("m", 0, n[:k], n[:k], rms[:k], np.array(at_floor[:k]))
+
+    assert line(4, [False, False, False, True]).slope() == pytest.approx(-0.75)
+    assert line(4, [False] * 4).slope() > -0.7
+    assert line(2, [False] * 2).slope() is None
+
+
+def test_of_many_cells_each_method_shows_three_budgets():
+    cells = [html.Cell({"method": m, "n_samples": n}, "", i) for i, m in enumerate("abc") for n in range(9)]
+
+    shown = [(cell.row["method"], cell.row["n_samples"]) for cell in html._shown(cells)]
+
+    assert shown == [(m, n) for m in "abc" for n in (0, 4, 8)]
+    assert html._shown(cells[:24]) == cells[:24]
+
+
+def test_results_without_a_single_image_make_a_report(tmp_path):
+    folder = write_results(tmp_path / "none")
+    cells = pd.read_parquet(folder / "cells.parquet")
+    cells[cells.status != "done"].to_parquet(folder / "cells.parquet")
+    (folder / "claims.json").write_text("[]")
+
+    page = html.write_report(folder).read_text(encoding="utf-8")
+
+    assert page.count("Traceback (most recent call last):") == 2
+    assert "<img" not in page
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.012345, "0.0123"), (1236.5, "1236"), (-2.5e-7, "−2.50×10⁻⁷"), (0.0, "0"), (None, "–"), (np.inf, "∞"),
+     (0.9996, "1.00"), (65536.0, "65536"), (3.1e7, "3.10×10⁷")],
+)  # fmt: skip
+def test_numbers_have_three_digits(value, text):
+    assert figures.number(value) == text
+
+
+def images_of(kind, page):
+    sources = re.findall(rf'<img class="{kind}" src="data:image/png;base64,([^"]+)"', page)
+    return [Image.open(io.BytesIO(base64.b64decode(source))) for source in sources]
+
+
+def read_exr(path):
+    return np.asarray(OpenEXR.File(str(path)).channels()["RGB"].pixels, dtype=np.float64)
