@@ -11,7 +11,7 @@ class InputError(ValueError):
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint for an unknown name: "; did you mean 'kurt'?", or the valid names when none is near."""
     names = sorted(known)
-    close = get_close_matches(str(name), names, n=1, cutoff=0.5)
+    close = get_close_matches(str(name).lower(), names, n=1, cutoff=0.5)
     if close:
         return f"; did you mean {close[0]!r}?"
     return f"; known: {', '.join(names)}" if names else ""

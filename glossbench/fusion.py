@@ -7,6 +7,7 @@ A kernel is a pure function kernel(points, *arguments) -> (P, C): `points` are a
 import logging
 import shutil
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import cache
 from math import ceil
 from typing import Any
@@ -17,18 +18,16 @@ from torch import Tensor
 from glossbench.scene.points import ShadingPoints
 
 # Point-sample pairs a chunk: a temporary of 512 KiB stays in a core's second-level cache. Measured on two cores,
-# eager: 2^14 pairs 5.8, 2^17 pairs 9.5, 2^19 pairs 8.7 million samples a second.
+# eager: 2^14 pairs 5.8, 2^17 pairs 9.5, 2^19 pairs 8.7 million pairs a second.
 CHUNK = 1 << 17
-# Compiling takes some 15 s the first time and 4 s from its cache on disk; eager runs 9 and fused 45 million pairs a
-# second, so that it pays above some 10^8 pairs. The rule knows only the call, so that a resumed run repeats it.
-FUSE_ABOVE = 1 << 27
+# A call that takes some three seconds eagerly (11 million pairs a second) is fused (47 million), which costs some 15 s
+# the first time and 4 s from the compiler's cache on disk. The rule knows only the call, so a resumed run repeats it.
+FUSE_ABOVE = 1 << 25
 
 Kernel = Callable[..., Tensor]
 
 
-def over_points(
-    kernel: Kernel, points: ShadingPoints, width: int, *arguments: Any, fuse: bool | None = None
-) -> Tensor:
+def over_points(kernel: Kernel, points: ShadingPoints, width: int, *arguments: Any, fuse: bool | None = None) -> Tensor:
     """kernel(points, *arguments) for all points, chunk by chunk: (P, C).
 
     Args:
@@ -43,7 +42,9 @@ def over_points(
     n_chunks = max(1, ceil(n * width / CHUNK))
     size = max(2, ceil(n / n_chunks))
     starts = range(0, n, size)
-    with torch._dynamo.config.patch(recompile_limit=64), torch.no_grad():  # type: ignore[no-untyped-call]
+    # One kernel serves many kinds of lobes and tables, each compiled for itself.
+    limits = torch._dynamo.config.patch(recompile_limit=64) if fuse else nullcontext()
+    with limits, torch.no_grad():
         return torch.cat([run(points.columns(i, min(i + size, n)), *arguments) for i in starts])
 
 

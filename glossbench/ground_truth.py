@@ -23,11 +23,13 @@ from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LightDistribution, luminance_distribution
 from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
 from glossbench.errors import InputError
-from glossbench.fusion import FUSE_ABOVE, over_points
+from glossbench.fusion import over_points
 from glossbench.scene.points import ShadingPoints, View, image_of
 
 N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
 FIRST_SAMPLES = 64  # of each replicate and technique
+# A round of so many point-sample pairs is fused: it takes 25 s eagerly, and compiling its kernels some 30 s once.
+FUSE_ABOVE = 1 << 28
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,12 @@ def _from_light(points: ShadingPoints, reflectance: Reflectance, lights: LightSa
 
 
 def _from_surface(
-    points: ShadingPoints, reflectance: Reflectance, distribution: LightDistribution, texels: Pyramid, wo: Vec3, wi: Vec3
+    points: ShadingPoints,
+    reflectance: Reflectance,
+    distribution: LightDistribution,
+    texels: Pyramid,
+    wo: Vec3,
+    wi: Vec3,
 ) -> Tensor:
     d = to_world(wi, points.t, points.b, points.n)
     return weighted_radiance(texels, d, None, _balanced(reflectance, wo, wi, distribution.pdf(d)))

@@ -1,10 +1,9 @@
-"""Metrics: how far an image is from the reference, over the pixels that show the surface, in linear radiance."""
+"""Metrics: how far an image is from the reference, over the pixels that show the surface, linear radiance."""
 
 from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
 from torch import Tensor
 
 from glossbench.options import Options
@@ -16,8 +15,10 @@ Pixels = NDArray[np.float64]
 class HasRadiance(Protocol):
     """An image: radiance (H, W, 3), and mask (H, W) where it shows the surface."""
 
-    radiance: Tensor
-    mask: Tensor
+    @property
+    def radiance(self) -> Tensor: ...
+    @property
+    def mask(self) -> Tensor: ...
 
 
 class Metric(Options):

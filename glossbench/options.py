@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping
-from functools import cache
 from typing import Annotated, Any, ClassVar, Self, dataclass_transform, get_type_hints
 
 from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
@@ -34,6 +33,7 @@ class Options:
     """
 
     name: ClassVar[str] = ""
+    _checks: ClassVar[dict[str, TypeAdapter[Any]]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -75,16 +75,18 @@ def check(cls: type[Options], option: str, value: Any) -> Any:
         first = error.errors()[0]
         where = "".join(f"[{part}]" for part in first["loc"] if isinstance(part, int))
         rule = first["msg"].removeprefix("Value error, ").removeprefix("Input ").replace("should", "must", 1)
-        bad = first["input"]
-        raise InputError(f"{cls.name or cls.__name__}.{option}{where} {rule}, got {bad!r}") from None
+        bad = " ".join(repr(first["input"]).split())  # an array spans several lines
+        raise InputError(f"{cls.name or cls.__name__}.{option}{where} {rule}, got {bad}") from None
 
 
-@cache
 def _adapters(cls: type[Options]) -> dict[str, TypeAdapter[Any]]:
-    hints = get_type_hints(cls, include_extras=True)
-    # Strict, so that "40" and true are no numbers; lists are wanted as tuples, hence the one conversion.
-    return {key: TypeAdapter(Annotated[hints[key], BeforeValidator(_tuples)], config={"strict": True})
-            for key in option_names(cls)}  # fmt: skip
+    """What checks each option; made once a class and kept in it."""
+    if "_checks" not in vars(cls):
+        hints = get_type_hints(cls, include_extras=True)
+        # Strict, so that "40" and true are no numbers; lists are wanted as tuples, hence the one conversion.
+        annotated: dict[str, Any] = {key: Annotated[hints[key], BeforeValidator(_tuples)] for key in option_names(cls)}
+        cls._checks = {key: TypeAdapter(hint, config={"strict": True}) for key, hint in annotated.items()}
+    return cls._checks
 
 
 def _tuples(value: Any) -> Any:

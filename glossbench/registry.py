@@ -33,7 +33,9 @@ class Registry(Generic[T]):
         def add(cls: type[T]) -> type[T]:
             taken = self._classes.get(name)
             if taken is not None and (taken.__module__, taken.__qualname__) != (cls.__module__, cls.__qualname__):
-                raise InputError(f"{self.kind} {name!r} is registered twice: in {taken.__module__} and {cls.__module__}")
+                raise InputError(
+                    f"{self.kind} {name!r} is registered twice: in {taken.__module__} and {cls.__module__}"
+                )
             cls.name = name
             self._classes[name] = cls
             return cls

@@ -1,17 +1,19 @@
-"""What a run leaves on disk: one folder a study, each cell written whole or not at all, under a key of all that made it.
+"""What a run leaves on disk: one folder a study; each cell whole or not at all, under a key of what made it.
 
-    study.yaml          the resolved study
-    cells.parquet       one row a cell, in the order of the study
-    claims.json         the verdicts
-    provenance.json     versions, hardware, times
-    cells/KEY.json      the row of one cell; its presence means that the cell is done
-    images/KEY.exr      its image; KEY_half_vectors.npy the pattern, where a method has one
-    references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels, KEY.json its numbers
+study.yaml          the resolved study
+cells.parquet       one row a cell, in the order of the study
+claims.json         the verdicts
+provenance.json     versions, hardware, times
+cells/KEY.json      the row of one cell; its presence means that the cell is done
+images/KEY.exr      its image; KEY_half_vectors.npy the pattern, where a method has one
+references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels,
+references/KEY.json its numbers
 """
 
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,14 +21,15 @@ from typing import Any
 
 import numpy as np
 import pandas
-import yaml
 from numpy.typing import NDArray
 from skimage.io import imread, imsave
+from torch import Tensor
 
 from glossbench.envmap.files import read_pixels, write_exr
 from glossbench.errors import InputError
 from glossbench.ground_truth import Reference
 from glossbench.shading import Image
+from glossbench.yaml_marks import dump, read_document
 
 
 def key_of(parts: Any) -> str:
@@ -43,6 +46,25 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def _is_abandoned(part: Path) -> bool:
+    """Whether it is half-written, and its writer is no more."""
+    writer = re.match(r"\.+(\d+)\.", part.name)
+    if writer is None or os.name != "posix" or not part.is_file():
+        return False
+    try:
+        os.kill(int(writer[1]), 0)
+    except ProcessLookupError:
+        return True
+    except (PermissionError, OverflowError):
+        return False
+    return int(writer[1]) == os.getpid()
+
+
+def _write_image(path: Path, image: Tensor) -> None:
+    with replacing(path) as part:
+        write_exr(part, image)
 
 
 class Results:
@@ -67,13 +89,16 @@ class Results:
         return results
 
     def create(self) -> None:
-        """Make the folders, or say why they cannot be made."""
+        """Make the folders, or say why they cannot be made; remove what a killed run left half-written."""
         try:
             for name in ("cells", "images", "references"):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
             with replacing(self.folder / "cells" / ".probe") as part:
                 part.write_text("")
             (self.folder / "cells" / ".probe").unlink()
+            for part in self.folder.rglob(".*"):
+                if _is_abandoned(part):
+                    part.unlink(missing_ok=True)
         except OSError as error:
             raise InputError(f"cannot write results to {self.folder}: {error.strerror}") from None
 
@@ -92,9 +117,12 @@ class Results:
         """Write a cell; its row comes last, because the row says that it is done."""
         key = row["key"]
         if image is not None:
-            write_exr(self.folder / "images" / f"{key}.exr", image.radiance)
+            _write_image(self.folder / "images" / f"{key}.exr", image.radiance)
         if half_vectors is not None:
-            with replacing(self.folder / "images" / f"{key}_half_vectors.npy") as part, part.open("wb") as file:
+            with (
+                replacing(self.folder / "images" / f"{key}_half_vectors.npy") as part,
+                part.open("wb") as file,
+            ):
                 np.save(file, half_vectors)
         self._write_json(f"cells/{key}.json", row)
 
@@ -107,12 +135,10 @@ class Results:
     def add_reference(self, key: str, truth: Reference, seconds: float) -> None:
         """Write a reference, its numbers last."""
         stem = self.folder / "references" / key
-        write_exr(stem.with_suffix(".exr"), truth.radiance.float())
-        write_exr(stem.with_name(f"{key}_standard_error.exr"), truth.standard_error.float())
+        _write_image(stem.with_suffix(".exr"), truth.radiance)
+        _write_image(stem.with_name(f"{key}_standard_error.exr"), truth.standard_error)
         with replacing(stem.with_name(f"{key}_mask.png")) as part:
-            png = part.with_suffix(".png")
-            imsave(png, truth.mask.numpy().astype(np.uint8) * 255, check_contrast=False)
-            os.replace(png, part)
+            imsave(part, truth.mask.numpy().astype(np.uint8) * 255, check_contrast=False)
         numbers = {"n_samples": truth.n_samples, "seconds": seconds}
         self._write_json(f"references/{key}.json", numbers)
 
@@ -126,7 +152,7 @@ class Results:
     def finish(self, study: dict[str, Any], rows: list[dict[str, Any]], provenance: dict[str, Any]) -> None:
         """Write the study, the table of its cells and where they come from."""
         with replacing(self.folder / "study.yaml") as part:
-            part.write_text(yaml.safe_dump(study, sort_keys=False, allow_unicode=True))
+            part.write_text(dump(study), encoding="utf-8")
         with replacing(self.folder / "cells.parquet") as part:
             pandas.DataFrame(rows).to_parquet(part, index=False)
         self._write_json("provenance.json", provenance)
@@ -138,8 +164,7 @@ class Results:
     @property
     def study(self) -> dict[str, Any]:
         """The resolved study."""
-        loaded: dict[str, Any] = yaml.safe_load((self.folder / "study.yaml").read_text())
-        return loaded
+        return read_document(self.folder / "study.yaml").data
 
     @property
     def cells(self) -> pandas.DataFrame:

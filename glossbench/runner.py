@@ -1,16 +1,12 @@
-"""Running a study: cell after cell, each remembered on disk, so that a killed run goes on where it stopped."""
+"""Running a study: cell after cell, each remembered on disk, so that a killed run goes on from there."""
 
-import hashlib
 import json
-import os
-import platform
-import sys
+import math
 import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +15,20 @@ import torch
 from scipy.optimize import minimize_scalar
 
 from glossbench.brdf.material import MATERIALS
-from glossbench.claims import judge
+from glossbench.costs import Costs
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights import LIGHTS
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError
 from glossbench.ground_truth import Reference, compute_reference
+from glossbench.items import Cell, Item, Tune
 from glossbench.metrics import METRICS
+from glossbench.provenance import glossbench_version, numerics_hash, provenance, source_hash
+from glossbench.registry import Registry
 from glossbench.results import Results, key_of
 from glossbench.scene.points import VIEWS
-from glossbench.shading import METHODS, Costs, Image, Method, StageCache, shade
-from glossbench.study import Cell, Item, Study, Tune
-
-# What decides the numbers: a change of any of these files makes every cell new.
-NUMERICS = ("brdf", "envmap", "scene", "directions.py", "fusion.py", "ground_truth.py", "metrics.py", "shading.py", "stages.py")
+from glossbench.shading import METHODS, Image, Method, StageCache, shade
+from glossbench.study import Study
+from glossbench.verdicts import judge
 
 
 @dataclass(frozen=True)
@@ -66,8 +63,10 @@ def run_study(
         fail_fast: raise what a cell raises, instead of keeping its traceback as the cell's result.
 
     Raises:
-        InputError: a light cannot be read, or the folder cannot be written; then nothing is written.
+        InputError: no such device, a light cannot be read, or the folder cannot be written; then nothing is.
     """
+    if study.device == "cuda" and not torch.cuda.is_available():
+        raise InputError("the study wants device: cuda, but there is none here; say device: cpu")
     progress = progress or Progress()
     cells = study.cells()
     lights = _Lights(study)
@@ -84,7 +83,7 @@ def run_study(
         row = executor.run(cell, rerun_failed)
         rows.append(row)
         progress.cell(row)
-    results.finish(study.resolved(), rows, provenance(study, started))
+    results.finish(study.resolved(), rows, provenance(study.device, started))
     results.add_claims(judge(study.claims, results.cells))
     return results
 
@@ -96,26 +95,32 @@ class _Lights:
         self._study = study
         self._item: Item | None = None
         self._light: CubeMap | None = None
-        self._keys: dict[str, str] = {}
+        self._keys: dict[Item, str] = {}
 
     def get(self, item: Item) -> CubeMap:
         if self._light is None or self._item != item:
             self._light = LIGHTS.create(item.name, item.options).cubemap().to(self._study.device)
             self._item = item
-            self._keys[item.json] = self._light.key
+            self._keys[item] = self._light.key
         return self._light
 
     def key(self, item: Item) -> str:
-        if item.json not in self._keys:
+        if item not in self._keys:
             self.get(item)
-        return self._keys[item.json]
+        return self._keys[item]
 
 
 class _Executor:
-    """Runs one cell after another; what neighbours share (stages, the reference) it keeps until it changes."""
+    """Runs one cell after another; stages and the reference, which neighbours share, it keeps meanwhile."""
 
     def __init__(
-        self, study: Study, results: Results, lights: _Lights, progress: Progress, use_cache: bool, fail_fast: bool
+        self,
+        study: Study,
+        results: Results,
+        lights: _Lights,
+        progress: Progress,
+        use_cache: bool,
+        fail_fast: bool,
     ) -> None:
         self.study, self.results, self.lights, self.progress = study, results, lights, progress
         self.use_cache, self.fail_fast = use_cache, fail_fast
@@ -127,19 +132,19 @@ class _Executor:
 
     def run(self, cell: Cell, rerun_failed: bool) -> dict[str, Any]:
         """The row of a cell: read from disk, or made and written."""
+        light = [self.lights.key(cell.light), source_hash(LIGHTS.get(cell.light.name))]
         reference_key = key_of(
-            [self._code, self.lights.key(cell.light), cell.material.json, cell.view.json,
+            [self._code, light, _stated(MATERIALS, cell.material), _stated(VIEWS, cell.view),
              self.study.reference.model_dump(), self.study.device]
         )  # fmt: skip
-        method_class = METHODS.get(cell.method.name)
-        source = sys.modules[method_class.__module__].__file__
-        method_hash = hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else ""
-        key = key_of([reference_key, cell.method.spelled(), method_hash, list(self.study.metrics)])
-        if self.use_cache and self.results.has_cell(key):
-            row = self.results.cell(key)
-            if not (rerun_failed and row["status"] == "failed"):
-                return row
+        metrics = [[name, source_hash(METRICS.get(name))] for name in self.study.metrics]
+        key = key_of([reference_key, _stated(METHODS, cell.method), metrics])
         row = self._identity(cell, key, reference_key)
+        if self.use_cache and self.results.has_cell(key):
+            stored = self.results.cell(key)
+            if not (rerun_failed and stored["status"] == "failed"):
+                # The key does not tell what an image file was called, nor a seed that nothing took.
+                return stored | {column: row[column] for column in ("light_options", "seed")}
         try:
             done, image, half_vectors = self._execute(cell, reference_key)
             row |= done
@@ -157,12 +162,14 @@ class _Executor:
         costs = Costs()
         return {
             "key": key, "reference_key": reference_key,
-            "light": cell.light.name, "material": cell.material.name, "view": cell.view.name, "method": cell.method.name,
+            "light": cell.light.name, "material": cell.material.name,
+            "view": cell.view.name, "method": cell.method.name,
             "light_options": cell.light.json, "material_options": cell.material.json,
             "view_options": cell.view.json, "options": json.dumps(cell.method.options, sort_keys=True),
             "tuned": "{}", "status": "done", "reason": "",
             **dict.fromkeys(self.study.metrics, nothing),
-            "reference_noise": nothing, "reference_mean": nothing, "reference_samples": 0, "at_noise_floor": False,
+            "reference_noise": nothing, "reference_mean": nothing, "reference_samples": 0,
+            "at_noise_floor": False,
             "n_samples": 0, "stage_seconds": json.dumps(costs.stage_seconds),
             "update_seconds": json.dumps(costs.update_seconds), "shade_seconds": nothing, "state_bytes": 0,
             "reference_seconds": nothing,
@@ -212,7 +219,7 @@ class _Executor:
             "state_bytes": image.costs.state_bytes,
             "reference_seconds": numbers["seconds"],
         }
-        return row, image, None if half_vectors is None else half_vectors.numpy()
+        return row, image, None if half_vectors is None else half_vectors.cpu().numpy()
 
     def _reference(self, cell: Cell, key: str, light: CubeMap) -> Reference:
         """The truth as it is on disk: float32, so that a resumed run compares with the same numbers."""
@@ -224,7 +231,9 @@ class _Executor:
 
             def tell(noise: float, n_samples: int) -> None:
                 target = f"{100 * options.relative_error:.2g} %"
-                self.progress.doing(f"reference: noise {100 * noise:.2g} % (target {target}), {n_samples} samples a pixel")
+                self.progress.doing(
+                    f"reference: noise {100 * noise:.2g} % (target {target}), {n_samples} samples a pixel"
+                )
 
             material = MATERIALS.create(cell.material.name, cell.material.options)
             view = VIEWS.create(cell.view.name, cell.view.options)
@@ -250,72 +259,19 @@ def tune_option(tune: Tune, error: Callable[[float], float]) -> float:
     Nine values over the range find the valley, Brent's bounded search its floor.
     """
     grid = np.linspace(tune.low, tune.high, 9)
-    best = int(np.argmin([abs(error(float(x))) for x in grid]))
-    low, high = grid[max(best - 1, 0)], grid[min(best + 1, 8)]
+    errors = [abs(error(float(x))) for x in grid]
+    best = int(np.argmin(errors))
+    if not math.isfinite(errors[best]):
+        return float(grid[best])
     found = minimize_scalar(
-        lambda x: abs(error(float(x))), bounds=(low, high), method="bounded",
-        options={"xatol": (tune.high - tune.low) / 400},
+        lambda x: abs(error(float(x))), bounds=(grid[max(best - 1, 0)], grid[min(best + 1, 8)]),
+        method="bounded", options={"xatol": (tune.high - tune.low) / 400},
     )  # fmt: skip
-    return round(float(found.x), 4)
+    # The search never looks at the ends of its interval, which may be those of the range.
+    x = float(found.x if found.fun < errors[best] else grid[best])
+    return min(max(round(x, 4 - math.floor(math.log10(tune.high - tune.low))), tune.low), tune.high)
 
 
-def numerics_hash() -> str:
-    """SHA-256 of the source that decides the numbers, and of torch's version."""
-    digest = hashlib.sha256(torch.__version__.encode())
-    package = Path(__file__).parent
-    for part in NUMERICS:
-        for path in sorted((package / part).rglob("*.py")) if (package / part).is_dir() else [package / part]:
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
-def glossbench_version() -> str:
-    """Version of the installed package."""
-    try:
-        return version("glossbench")
-    except PackageNotFoundError:
-        return "not installed"
-
-
-def system_information() -> dict[str, Any]:
-    """Versions and hardware, for reports and for bug reports."""
-    names = ("numpy", "scipy", "torch", "scikit-image", "matplotlib", "OpenEXR", "OpenImageIO", "pydantic", "pandas")
-    return {
-        "glossbench": glossbench_version(),
-        "python": platform.python_version(),
-        **{name.lower(): version(name) for name in names},
-        "platform": platform.platform(terse=True),
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "threads": torch.get_num_threads(),
-        "cuda": torch.cuda.get_device_name() if torch.cuda.is_available() else "none",
-    }
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
-
-
-def provenance(study: Study, started: datetime) -> dict[str, Any]:
-    """Where results come from."""
-    return {
-        **system_information(),
-        "device": study.device,
-        "started": started.isoformat(timespec="seconds"),
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": " ".join(["glossbench", *sys.argv[1:]]) if Path(sys.argv[0]).name == "glossbench" else "Python",
-        "source_hash": numerics_hash(),
-    }
-
-
-def require_methods(study: Study, only: list[str]) -> Study:
-    """The study with the named methods alone; InputError for a name that it does not have."""
-    known = {item.name for item in study.methods}
-    for name in only:
-        if name not in known:
-            raise InputError(f"the study has no method {name!r}{nearest(name, known)}")
-    return replace(study, methods=tuple(item for item in study.methods if item.name in only))
+def _stated(registry: Registry[Any], item: Item) -> list[Any]:
+    """All that makes an item what it is: name, options, and the source of its class."""
+    return [item.name, item.spelled(), source_hash(registry.get(item.name))]

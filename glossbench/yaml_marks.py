@@ -168,9 +168,7 @@ class _Builder:
             parent = f"{path_text(path)}: " if path else ""
             key = self._scalar(key_node) if isinstance(key_node, yaml.ScalarNode) else None
             if not isinstance(key, str):
-                raise _error(
-                    self._document.file, *place, f"{parent}a key must be text, got {key_node.value!r:.40}"
-                )
+                raise _error(self._document.file, *place, f"{parent}a key must be text, got {key_node.value!r:.40}")
             if key in found:
                 first = self._document.keys[(*path, key)][0]
                 raise _error(self._document.file, *place, f"{parent}key {key!r} is already on line {first}")

@@ -2,7 +2,6 @@
 
 from typing import Annotated, Any
 
-import torch
 from pydantic import Field
 from torch import Tensor
 
@@ -36,7 +35,8 @@ class ImportanceSampling(Method):
     points: PointSet = "hammersley"
     seed: int = 0
 
-    contract = Contract(slope=-0.4)
+    # Measured: furnace 1.5e-4, slope -0.95; random points would give -0.5.
+    contract = Contract(furnace=1e-3, slope=-0.5)
 
     irradiance = irradiance
 

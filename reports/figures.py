@@ -26,9 +26,7 @@ INK, PAPER = "#1a1a1a", "#fefefe"
 # Okabe and Ito 2008 without yellow and black: told apart by colour-blind readers, on white and on near-black.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 MARKERS = "osD^vPX"  # seven against six colours: 42 lines before a pair repeats
-SIGNED = colormaps["RdBu_r"].resampled(
-    255
-)  # ColorBrewer: blue darker, red brighter; an odd count has a centre
+SIGNED = colormaps["RdBu_r"].resampled(255)  # ColorBrewer: blue darker, red brighter; an odd count has a centre
 RC: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 9,
@@ -158,9 +156,7 @@ def _shade(ax: Axes, axis: str, noise: float, values: Sequence[float]) -> Patch:
     # A floor far below every dot would squeeze the dots: then the key alone tells where it is.
     shown = floor > min(seen) / 30
     low, high = min([*seen, floor] if shown else seen) / 1.6, max([*seen, floor] if shown else seen) * 1.6
-    span, limits, scale = (
-        (ax.axhspan, ax.set_ylim, ax.yaxis) if axis == "y" else (ax.axvspan, ax.set_xlim, ax.xaxis)
-    )
+    span, limits, scale = (ax.axhspan, ax.set_ylim, ax.yaxis) if axis == "y" else (ax.axvspan, ax.set_xlim, ax.xaxis)
     label = f"twice the reference's noise, {number(floor, 2)}" + ("" if shown else " (off the axis)")
     if shown:
         span(low, floor, color=INK, alpha=0.1, linewidth=0)
@@ -230,9 +226,7 @@ def svg(figure: Figure, name: str) -> str:
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         figure.savefig(out, format="svg", transparent=True, metadata=nothing)
     text = out.getvalue()
-    text = re.sub(
-        r'<g id="[^"]*"', "<g", text[text.index("<svg") :]
-    )  # matplotlib numbers them anew in each figure
+    text = re.sub(r'<g id="[^"]*"', "<g", text[text.index("<svg") :])  # matplotlib numbers them anew in each figure
     text = text.replace(INK, "currentColor").replace(PAPER, "var(--paper, white)")
     return text.replace("<svg ", '<svg role="img" ', 1)
 

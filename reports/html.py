@@ -235,9 +235,7 @@ def _plots(group: Group, name: str) -> list[Markup]:
     done = [cell for cell in group.done if cell.row["rms"] is not None]
     for index, members in groupby(done, key=lambda cell: cell.index):
         own = list(members)
-        n, seconds, rms = (
-            np.array([c.row[key] for c in own], float) for key in ("n_samples", "shade_seconds", "rms")
-        )
+        n, seconds, rms = (np.array([c.row[key] for c in own], float) for key in ("n_samples", "shade_seconds", "rms"))
         at_floor = np.array([bool(c.row["at_noise_floor"]) for c in own])
         lines.append(figures.Line(own[0].name, index, n, 1e3 * seconds, rms, at_floor))
     if not lines:

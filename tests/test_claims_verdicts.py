@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from glossbench.claims import KINDS, agrees, judge
+from glossbench.claims import KINDS, agrees
+from glossbench.verdicts import judge
 
 
 def cell(method: str, **changes: Any) -> dict[str, Any]:

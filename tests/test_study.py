@@ -18,10 +18,12 @@ from glossbench import yaml_marks
 from glossbench.brdf.material import MATERIALS, Material
 from glossbench.envmap.lights import LIGHTS, FileLight, Light
 from glossbench.errors import InputError
+from glossbench.items import Tune
 from glossbench.options import Color, Fraction, Resolution, Widths
 from glossbench.scene.points import VIEWS, View
+from glossbench.schema import schema
 from glossbench.shading import METHODS, Method
-from glossbench.study import Tune, load_study, schema
+from glossbench.study import load_study, study_names
 from glossbench.yaml_marks import dump
 
 
@@ -79,10 +81,23 @@ class Needy(Method):
     width: Annotated[float, Field(ge=1, le=3)]
 
 
+class Drawn(Method):
+    """A method with a seed."""
+
+    name = "drawn"
+    samples: int = 1
+    seed: Annotated[int, Field(le=100)] = 0
+
+
 @pytest.fixture(autouse=True)
 def names(monkeypatch):
     """The registries hold the classes above, and nothing that other code registers."""
-    kinds = [(LIGHTS, [Glow, FileLight]), (MATERIALS, [Plain]), (VIEWS, [Round]), (METHODS, [Sampler, Needy])]
+    kinds = [
+        (LIGHTS, [Glow, FileLight]),
+        (MATERIALS, [Plain]),
+        (VIEWS, [Round]),
+        (METHODS, [Sampler, Needy, Drawn]),
+    ]
     for registry, classes in kinds:
         monkeypatch.setattr(registry, "_classes", {cls.name: cls for cls in classes})
         monkeypatch.setattr(registry, "_discovered", True)
@@ -333,6 +348,117 @@ def test_items_are_told_apart_by_canonical_json(write):
     assert first.json != dataclasses.replace(first, tune=None).json
 
 
+# The seed
+
+SEEDS = """
+title: T
+light: {glow: {seed: [1, 2]}}
+material: plain
+view: round
+methods:
+  - drawn: {samples: [1, 2]}
+  - drawn: {samples: 3, seed: 5}
+  - drawn: {zip: {samples: [4], seed: [6]}}
+  - sampler
+seed: 7
+"""
+
+
+def seeds_of(study):
+    return [item.options.get("seed") for item in study.methods]
+
+
+def test_the_seed_of_the_study_is_that_of_all_that_states_none(write):
+    study = load_study(write(SEEDS))
+
+    assert seeds_of(study) == [7, 7, 5, 6, None]
+    assert study.reference.seed == 7
+    assert options_of(study.lights, "seed") == [(1,), (2,)]
+
+
+def test_another_seed_replaces_what_followed_from_the_first_and_no_more(write):
+    study = load_study(write(SEEDS)).with_seed(8).with_seed(9)
+
+    assert (study.seed, study.reference.seed) == (9, 9)
+    assert seeds_of(study) == [9, 9, 5, 6, None]
+    assert options_of(study.lights, "seed") == [(1,), (2,)]
+
+
+def test_another_seed_is_as_if_the_study_had_stated_it(write):
+    assert load_study(write(SEEDS)).with_seed(9) == load_study(write(SEEDS.replace("seed: 7", "seed: 9")))
+
+
+def test_a_stated_seed_of_the_reference_stays(write):
+    study = load_study(write(SEEDS + "reference: {seed: 0}\n"))
+
+    assert study.reference.seed == study.with_seed(9).reference.seed == 0
+
+
+def test_a_resolved_study_states_every_seed(write):
+    study = load_study(write(SEEDS))
+
+    again = load_study(write(dump(study.resolved())))
+
+    assert again == study
+    assert seeds_of(again.with_seed(9)) == seeds_of(study)
+    assert again.with_seed(9).reference.seed == 7
+
+
+@pytest.mark.parametrize(
+    ("seed", "message"),
+    [
+        (-1, "seed must be at least 0, got -1"),
+        (101, "drawn.seed must be less than or equal to 100, got 101"),
+        (5, "seed 5 is the one that a method of the study states, which is then there twice"),
+    ],
+)
+def test_a_seed_that_does_not_fit_is_an_error(write, seed, message):
+    study = load_study(write(SEEDS.replace("samples: [1, 2]", "samples: 3")))
+
+    with pytest.raises(InputError, match=f"^{message}$"):
+        study.with_seed(seed)
+
+
+def test_a_seed_in_the_file_that_a_method_does_not_take_is_pointed_at(write):
+    message = error_of(write(SEEDS.replace("seed: 7", "seed: 101")))
+
+    assert message == "my.yaml:7:12: methods[0].drawn.seed must be less than or equal to 100, got 101"
+
+
+# Fewer methods
+
+
+def test_a_study_of_some_methods_keeps_what_is_said_of_them(write):
+    claims = [
+        "{text: A, value: sampler, of: rms, between: [0, 1]}",
+        "{text: B, lower: sampler, than: needy, metric: rms}",
+    ]
+    text = a_study(
+        methods="[{sampler: {samples: [1, 2]}}, {needy: {width: 2}}]",
+        claims=f"[{', '.join(claims)}]",
+        exclude="[{samples: 1}, {width: 2, light: glow}]",
+    )
+
+    study = load_study(write(text)).only(["sampler"])
+
+    assert options_of(study.methods, "samples") == [(1,), (2,)]
+    assert [claim.text for claim in study.claims] == ["A"]
+    assert study.exclude == ({"samples": 1},)
+    assert load_study(write(dump(study.resolved()))) == study
+
+
+def test_methods_that_are_all_excluded_are_an_error(write):
+    study = load_study(write(a_study(methods="[sampler, {needy: {width: 2}}]", exclude="[{samples: 40}]")))
+
+    with pytest.raises(InputError, match="exclude leaves no cell"):
+        study.only(["sampler"])
+
+
+def test_a_method_that_the_study_lacks_offers_the_nearest(write):
+    with pytest.raises(InputError, match=r"^the study has no method 'samplr'; did you mean 'sampler'\?$"):
+        load_study(write(a_study())).only(["samplr"])
+
+
 # Files of light
 
 
@@ -400,6 +526,14 @@ def test_an_installed_study_has_a_name(tmp_path, monkeypatch):
     study = load_study("quickstart")
 
     assert (study.name, study.title) == ("quickstart", "T")
+
+
+def test_studies_are_listed_by_name(tmp_path, monkeypatch):
+    for name in ("b.yaml", "a.yaml", "__init__.py", "notes.txt"):
+        (tmp_path / name).touch()
+    monkeypatch.setattr(study_module.resources, "files", lambda package: tmp_path)
+
+    assert study_names() == ["a", "b"]
 
 
 def test_an_unknown_study_offers_the_nearest(tmp_path, monkeypatch):
@@ -751,7 +885,7 @@ def test_the_schema_knows_every_name_and_option():
     stated = schema()
 
     method = stated["properties"]["methods"]["anyOf"][0]["anyOf"]
-    assert method[0]["enum"] == ["needy", "sampler"]
+    assert method[0]["enum"] == ["drawn", "needy", "sampler"]
     options = method[1]["properties"]["sampler"]["anyOf"][0]
     assert set(options["properties"]) == {"samples", "bias", "gain", "mip_filter", "zip"}
     assert options["properties"]["samples"]["default"] == 40

@@ -57,7 +57,10 @@ class Beckmann(Lobe):
         return HalfVectors(h, self.D(h) * h.z / 4)
 
     def sample(self, wo: Vec3, points: HalfVectors) -> Sample:
-        """Mirror directions at the half vectors; D cancels: f cos_i / pdf = F cos_i / (cos_h (cos_i cos_o)^shadowing)."""
+        """Mirror directions at the half vectors.
+
+        D cancels: f cos_i / pdf = F cos_i / (cos_h (cos_i cos_o)^shadowing).
+        """
         h = points.h
         c = dot(wo, h)
         wi = reflect(wo, h)

@@ -34,6 +34,9 @@ class Reflectance:
         order = sorted(range(len(parts)), key=lambda i: counts[i] - parts[i])
         for i in order[: max(0, samples - sum(counts))]:
             counts[i] += 1
+        # What the ones of weak lobes took is the largest's.
+        while sum(counts) > max(samples, len(counts)):
+            counts[counts.index(max(counts))] -= 1
         return counts
 
     def diffuse_f(self) -> Channels:

@@ -71,12 +71,12 @@ class CubeMap:
     def irradiance(self, n: Vec3) -> Tensor:
         """E(n) = integral of L cos over the hemisphere about each n, summed over all texels; (P, 3), float64.
 
-        Exact for texels that hold a constant; n are P directions.
+        The midpoint rule over texels, each with its exact solid angle; n are P directions.
         """
         d = stack(texel_directions(self.resolution)).reshape(-1, 3).to(self.faces.device)
         weighted = self.faces.double() * texel_solid_angles(self.resolution).to(d.device)[None, :, :, None]
         normals = stack(n).reshape(-1, 3)
-        # Rows at a time: all texels times all normals may not fit.
+        # One normal at a time: all texels times all normals may not fit.
         cosines = [(d @ normal).clamp(min=0).double() for normal in normals]
         return torch.stack([c @ weighted.reshape(-1, 3) for c in cosines])
 
@@ -111,7 +111,7 @@ def face_coordinates(d: Vec3) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     on_y = (ay == major) & ~on_x
     negative = torch.where(on_x, d.x, torch.where(on_y, d.y, d.z)) < 0
     face = (torch.where(on_x, 0, torch.where(on_y, 2, 4)) + negative).int()
-    # s is z on the x faces, x on the y faces and -x on the z faces, with the sign of the face; t is -y but on the y faces.
+    # s is z on the x faces and -x on the z faces, with the sign of the face, and x on the y faces; t is -y but there.
     side = torch.where(on_x, d.z, -d.x)
     s = torch.where(on_y, d.x, torch.where(negative, -side, side))
     t = torch.where(on_y, torch.where(negative, d.z, -d.z), -d.y)
@@ -147,9 +147,11 @@ def bordered(faces: Tensor, width: int = 1) -> Tensor:
     out[:, r + width :, inner] = edges[:, 1]
     out[:, inner, :width] = edges[:, 2].flip(1).transpose(1, 2)
     out[:, inner, r + width :] = edges[:, 3].transpose(1, 2)
-    for rows, row, beyond_row in ((slice(0, width), width, width - 1), (slice(r + width, None), r + width - 1, r + width)):
-        for columns, column, beyond in ((slice(0, width), width, width - 1), (slice(r + width, None), r + width - 1, r + width)):
-            mean = (out[:, row, column] + out[:, beyond_row, column] + out[:, row, beyond]) / 3
+    # (border, last texel inside, first texel beyond) at the two ends of an axis.
+    ends = ((slice(0, width), width, width - 1), (slice(r + width, None), r + width - 1, r + width))
+    for rows, row, beyond_row in ends:
+        for columns, column, beyond_column in ends:
+            mean = (out[:, row, column] + out[:, beyond_row, column] + out[:, row, beyond_column]) / 3
             out[:, rows, columns] = mean[:, None, None]
     return out
 
@@ -167,7 +169,6 @@ def _edge_texels(resolution: int, width: int) -> Tensor:
     folded = 1 - depth
     point = [n.view(shape) * folded + r.view(shape) * s + d.view(shape) * t
              for n, r, d in zip(_NORMALS.T, _RIGHT.T, _DOWN.T, strict=True)]  # fmt: skip
-    # On the edge itself two components have size 1: shrink the old normal's share so that the new face wins.
     face, fs, ft, _ = face_coordinates(Vec3(*(c.double() for c in point)))
     column = ((fs + 1) * resolution / 2).floor().clamp(0, resolution - 1).long()
     row = ((ft + 1) * resolution / 2).floor().clamp(0, resolution - 1).long()

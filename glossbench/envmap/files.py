@@ -78,9 +78,7 @@ def write_exr(path: str | Path, image: Tensor, channels: Sequence[str] = ("R", "
         raise InputError(f"{path}: the extension must be .exr, got {path.suffix!r}")
     if image.dim() != 3 or image.shape[2] != len(set(channels)) or not image.numel():
         shape = tuple(image.shape)
-        raise InputError(
-            f"{path}: channels {tuple(channels)} need an image (H, W, {len(channels)}), got {shape}"
-        )
+        raise InputError(f"{path}: channels {tuple(channels)} need an image (H, W, {len(channels)}), got {shape}")
     planes = image.detach().cpu().float().numpy()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     content = {name: np.ascontiguousarray(planes[..., i]) for i, name in enumerate(channels)}
@@ -139,9 +137,7 @@ def _rgb(names: list[str]) -> list[int]:
 def _upright(path: Path, pixels: np.ndarray, orientation: int) -> np.ndarray:
     """Pixels with row 0 at the top and column 0 at the left; orientation as in TIFF and EXIF."""
     if orientation > 4:
-        raise InputError(
-            f"{path}: must be stored row by row (-Y +X and the like), is stored column by column"
-        )
+        raise InputError(f"{path}: must be stored row by row (-Y +X and the like), is stored column by column")
     rows, columns = {2: (1, -1), 3: (-1, -1), 4: (-1, 1)}.get(orientation, (1, 1))
     return pixels[::rows, ::columns]
 

@@ -31,7 +31,7 @@ def sh_basis(d: Vec3, order: int) -> list[Tensor]:
             previous, current = current, ((2 * l + 1) * d.z * current - (l + m) * previous) / (l + 1 - m)
         cos_m, sin_m = d.x * cos_m - d.y * sin_m, d.x * sin_m + d.y * cos_m
         p_mm = p_mm * (2 * m + 1)
-    return [basis[l, m] for l in range(order) for m in range(-l, l + 1)]
+    return [basis[band, m] for band in range(order) for m in range(-band, band + 1)]
 
 
 def project(light: CubeMap, order: int) -> Tensor:

@@ -18,7 +18,8 @@ class LightDistribution:
     Attributes:
         density: probability of a texel over its area in face coordinates, P_texel R^2 / 4, (6 R R,), float32.
         marginal: cumulative probability of the 6 R rows of texels, (6 R + 1,), float64.
-        conditional: cumulative probability along each row, plus the row's number: increasing over all, (6 R R,), float64.
+        conditional: cumulative probability along each row, plus the row's number, so that it increases over all,
+            (6 R R,), float64.
         resolution: R.
     """
 
@@ -46,7 +47,9 @@ class LightDistribution:
         all_faces = face_directions(s, t)
         face = row // r
         d = Vec3(*(c.to(face.device).gather(0, face[None])[0] for c in all_faces))
-        return d, self.pdf(d)
+        # The chosen texel's own density: in float32 a direction on its rim may fall into a black neighbour.
+        major = torch.maximum(torch.maximum(d.x.abs(), d.y.abs()), d.z.abs())
+        return d, self.density[index] / (major * major * major)
 
     def pdf(self, d: Vec3) -> Tensor:
         """Density [1/sr] at unit directions: density * (area of the face over solid angle) = density / major^3."""

@@ -8,7 +8,7 @@ from torch.nn.functional import pad
 
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.pyramid import FILTERS, MipFilter, MipTable, finest, lookup, mip_levels
+from glossbench.envmap.pyramid import FILTERS, MipFilter, MipTable, Taps, finest, lookup, mip_levels
 
 SCALE = 1.2  # b of the paper
 
@@ -23,7 +23,7 @@ class Paraboloid(MipTable):
     Source: Heidrich and Seidel 1998; scale and Jacobian, Krivanek and Colbert 2008 section 5.1.
     """
 
-    def taps(self, d: Vec3, lod: Tensor | None) -> tuple[Tensor, Tensor]:
+    def taps(self, d: Vec3, lod: Tensor | None) -> Taps:
         """Rows and weights for unit directions."""
         inverse = 0.5 / (SCALE * (1 + d.z.abs()))
         return self.bilinear((d.z >= 0).int(), d.x * inverse + 0.5, 0.5 - d.y * inverse, lod)
@@ -58,8 +58,8 @@ def paraboloid_directions(resolution: int) -> Vec3:
     x, y = p[None, :].expand(resolution, resolution), -p[:, None].expand(resolution, resolution)
     p2 = x * x + y * y
     z = (1 - p2) / (1 + p2)
-    d = Vec3(*(torch.stack([a, b]).float() for a, b in ((x * (1 + z), x * (1 + z)), (y * (1 + z), y * (1 + z)), (-z, z))))
-    return d
+    x, y = x * (1 + z), y * (1 + z)
+    return Vec3(*(torch.stack(pair).float() for pair in ((x, x), (y, y), (-z, z))))
 
 
 def repeat_edge(images: Tensor, width: int) -> Tensor:

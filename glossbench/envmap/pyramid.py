@@ -26,6 +26,7 @@ FILTERS: dict[str, tuple[float, ...]] = {
 }
 
 
+Taps = tuple[tuple[Tensor, ...], tuple[Tensor, ...]]  # rows of a table of texels, and their weights
 Border = Callable[[Tensor, int], Tensor]  # images (K, R, R, 3), width -> images with borders of that width
 
 
@@ -36,8 +37,8 @@ class Environment(Protocol):
     def texels(self) -> Tensor:
         """(T, 3), float32."""
 
-    def taps(self, d: Vec3, lod: Tensor | None) -> tuple[Tensor, Tensor]:
-        """Rows of `texels` (P, K, N), int32, and their weights (P, K, N), for unit directions (P, N).
+    def taps(self, d: Vec3, lod: Tensor | None) -> Taps:
+        """K rows of `texels`, int32, and their K weights, each (P, N), for unit directions (P, N).
 
         lod: level, trilinear, clamped to the levels there are; None reads level 0 alone.
         """
@@ -60,8 +61,8 @@ class MipTable:
     offsets: Tensor
     sizes: Tensor
 
-    def bilinear(self, image: Tensor, s: Tensor, t: Tensor, lod: Tensor | None) -> tuple[Tensor, Tensor]:
-        """Rows and weights at image coordinates s (right), t (down) in [0, 1], stacked at dimension -2.
+    def bilinear(self, image: Tensor, s: Tensor, t: Tensor, lod: Tensor | None) -> Taps:
+        """Rows and weights at image coordinates s (right), t (down) in [0, 1].
 
         Eight, bilinear in two levels and linear between them; four of level 0 where lod is None.
         """
@@ -85,7 +86,7 @@ class MipTable:
             rows += [first, first + 1, first + stride, first + stride + 1]
             right, below, corner = fx * (share - fy), fy * (1 - fx), fx * fy
             weights += [share - fy - right, right, below, corner]
-        return torch.stack(rows, dim=-2), torch.stack(weights, dim=-2)
+        return tuple(rows), tuple(weights)
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Pyramid(MipTable):
         start, n = int(self.offsets[level]), int(self.sizes[level])
         return self.texels[start : start + 6 * (n + 2) ** 2].view(6, n + 2, n + 2, 3)[:, 1:-1, 1:-1]
 
-    def taps(self, d: Vec3, lod: Tensor | None) -> tuple[Tensor, Tensor]:
+    def taps(self, d: Vec3, lod: Tensor | None) -> Taps:
         """Rows and weights for unit directions; seamless, the borders being the neighbours' texels."""
         face, s, t, _ = face_coordinates(d)
         return self.bilinear(face, s * 0.5 + 0.5, t * 0.5 + 0.5, lod)
@@ -138,8 +139,8 @@ def mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) -> tuple
         if images.shape[1] > 1:
             width = len(taps) // 2 - 1
             images = halve(border(images, width) if width else images, taps)
-    as_int = {"dtype": torch.int32, "device": texels.device}
-    return texels, torch.tensor(offsets, **as_int), torch.tensor(sizes, **as_int)
+    starts, edges = torch.tensor([offsets, sizes], dtype=torch.int32, device=texels.device)
+    return texels, starts, edges
 
 
 def halve(padded: Tensor, taps: tuple[float, ...]) -> Tensor:
@@ -164,9 +165,15 @@ def weighted_radiance(environment: Environment, d: Vec3, lod: Tensor | None, wei
     One gather and sum without temporaries for a grey weight, one a channel for a coloured weight.
     """
     rows, shares = environment.taps(d, lod)
-    rows = rows.flatten(1)
+    table = torch.stack(rows, dim=-2).flatten(1)
     sums = [
-        embedding_bag(rows, environment.texels, per_sample_weights=(shares * w.unsqueeze(-2)).flatten(1), mode="sum")
+        # Each tap is weighted before the stack: the fused loop over the stacked table would not be vectorised.
+        embedding_bag(
+            table,
+            environment.texels,
+            per_sample_weights=torch.stack([share * w for share in shares], dim=-2).flatten(1),
+            mode="sum",
+        )
         for w in weight
     ]
     return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)

@@ -128,7 +128,7 @@ class Spots(Light):
         centres = torch.stack([torch.sqrt(1 - z * z) * phi.cos(), torch.sqrt(1 - z * z) * phi.sin(), z], 1).float()
         radii = radians(1) + radians(4) * u[:, 2]
         intensity = self.contrast * 100 ** (u[:, 3] - 1)
-        colors = (intensity[:, None] * (0.7 + 0.6 * u[:, 4:7])).float()
+        colors = (intensity[:, None] * (0.6 + 0.4 * u[:, 4:7])).float()
         texel = 2 / self.resolution
         faces = []
         for d in stack(texel_directions(self.resolution)):

@@ -1,0 +1,136 @@
+"""Measuring this machine: the shading kernel, pyramids and memory, as ratios taken in one run."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from glossbench.brdf.kurt import Kurt
+from glossbench.brdf.lobe import Lobe
+from glossbench.directions import Vec3, points_2d, stack, to_world
+from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, weighted_radiance
+from glossbench.envmap.synthetic import Spots
+from glossbench.fusion import can_fuse, over_points
+from glossbench.scene.points import ShadingPoints
+from glossbench.scene.sphere import Sphere
+
+SAMPLES, CUBE, VIEW = 32, 256, 128
+
+
+@dataclass(frozen=True)
+class Line:
+    """One measured thing: what, its value with unit, and its ratio to what the run compares it with."""
+
+    what: str
+    value: str
+    ratio: str = ""
+
+
+def measure(tell: Callable[[str], None]) -> list[Line]:
+    """All measurements, a minute or two; `tell` is called with what is under way."""
+    tell("shading kernel")
+    lines = _kernel_lines()
+    tell("pyramids of a 1024 cube")
+    lines += _pyramid_lines(1024)
+    tell("peak memory of a 512^2 sphere at 270 samples")
+    return [*lines, _memory_line()]
+
+
+def _kernel_lines() -> list[Line]:
+    points = Sphere(resolution=VIEW).points()
+    pyramid = build_pyramid(Spots(resolution=CUBE).cubemap(), "box")
+    lobe = Kurt(m=(0.15, 0.15)).reflectance().lobes[0]
+    samples = lobe.sample_points(points_2d(SAMPLES))
+    level = torch.tensor(-2.5)
+    arguments = (lobe, samples, pyramid, level)
+    pairs = len(points) * SAMPLES
+    plain = _rate(lambda: _straightforward(points, lobe, samples, pyramid, level), pairs)
+    eager = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments, fuse=False), pairs)
+    what = f"filtered importance sampling, {SAMPLES} samples, {CUBE} cube, {VIEW}^2 sphere"
+    lines = [
+        Line(f"{what}: straightforward eager", f"{plain:.1f} M samples/s", "1"),
+        Line(f"{what}: chunked eager", f"{eager:.1f} M samples/s", f"{eager / plain:.1f}"),
+    ]
+    if can_fuse():
+        fused = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments, fuse=True), pairs)
+        lines.append(Line(f"{what}: fused", f"{fused:.1f} M samples/s", f"{fused / plain:.1f}"))
+    return lines
+
+
+def _filtered(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
+    """The kernel of filtered importance sampling, written as methods write it."""
+    wi, pdf, weight = lobe.sample(points.wo_local(), samples)
+    d = to_world(wi, points.t, points.b, points.n)
+    return weighted_radiance(pyramid, d, level + 0.5 * (pyramid.log2_texels_per_sr(d) - torch.log2(pdf)), weight)
+
+
+def _straightforward(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
+    """The same sum written as a textbook would: (P, N, 3) tensors, a gather a tap, no chunks."""
+    columns = points.columns(0, len(points))
+    wi, pdf, weight = lobe.sample(columns.wo_local(), samples)
+    frame = torch.stack([stack(columns.t), stack(columns.b), stack(columns.n)], dim=-2)
+    d = (stack(wi)[..., None, :] @ frame)[..., 0, :]
+    components = Vec3(d[..., 0], d[..., 1], d[..., 2])
+    lod = level + 0.5 * (pyramid.log2_texels_per_sr(components) - torch.log2(pdf))
+    rows, shares = pyramid.taps(components, lod)
+    radiance = torch.zeros_like(d)
+    for row, share in zip(rows, shares, strict=True):
+        radiance = radiance + pyramid.texels[row.long()] * share[..., None]
+    return (radiance * weight[0][..., None]).sum(dim=1)
+
+
+def _rate(work: Callable[[], Any], pairs: int) -> float:
+    """Million point-sample pairs a second, the best of ten runs after a warm one."""
+    return pairs / _seconds(work, 10) / 1e6
+
+
+def _seconds(work: Callable[[], Any], repeats: int) -> float:
+    work()
+    best = float("inf")
+    for _ in range(repeats):
+        started = time.perf_counter()
+        work()
+        best = min(best, time.perf_counter() - started)
+    return best
+
+
+def _pyramid_lines(resolution: int) -> list[Line]:
+    light = Spots(resolution=resolution).cubemap()
+    copy = _seconds(light.faces.clone, 10)
+    lines = [Line(f"copy of a {resolution} cube", f"{1000 * copy:.1f} ms", "1")]
+    for mip_filter in FILTERS:
+        seconds = _seconds(lambda: build_pyramid(light, mip_filter), 5)  # type: ignore[arg-type]  # noqa: B023
+        lines.append(Line(f"{mip_filter} pyramid of it", f"{1000 * seconds:.1f} ms", f"{seconds / copy:.1f}"))
+    return lines
+
+
+def shade_large() -> Tensor:
+    """270 samples a pixel of a 512^2 sphere under a 1024 cube: 56 million samples."""
+    points, pyramid = Sphere(resolution=512).points(), build_pyramid(Spots().cubemap(), "gauss6")
+    lobe = Kurt(m=(0.15, 0.15)).reflectance().lobes[0]
+    samples = lobe.sample_points(points_2d(270))
+    return over_points(_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0), fuse=False)
+
+
+# A process of its own, whose peak is that of the work.
+_MEMORY_PROBE = """
+import resource, sys
+from glossbench.bench import shade_large
+shade_large()
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+print(peak / (1024**2 if sys.platform == "darwin" else 1024))
+"""
+
+
+def _memory_line() -> Line:
+    what = "peak memory of a process that shades a 512^2 sphere at 270 samples under a 1024 cube"
+    try:
+        done = subprocess.run([sys.executable, "-c", _MEMORY_PROBE], capture_output=True, text=True, check=True)
+    except subprocess.CalledProcessError as error:
+        return Line(what, f"not measured: {error.stderr.strip().splitlines()[-1]}")
+    return Line(what, f"{float(done.stdout):.0f} MB", "")

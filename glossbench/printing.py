@@ -1,0 +1,88 @@
+"""What the command line prints: a class and its options, the table of a run, the verdicts."""
+
+import json
+from inspect import cleandoc
+from typing import Any
+
+import pandas
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from glossbench.options import json_schema
+
+out = Console()
+err = Console(stderr=True)
+
+
+def say(text: str) -> None:
+    """Text as it is on standard output, a line a line, however long."""
+    out.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def describe(kind: str, cls: Any) -> None:
+    """A registered class: its docstring, options, defaults and bounds."""
+    out.print(f"[bold]{cls.name}[/bold] ({kind})\n", highlight=False)
+    out.print(cleandoc(cls.__doc__ or ""), markup=False, highlight=False)
+    if kind == "metric":
+        say(f"\n{cls.formula}  [{cls.unit}]")
+    table = Table("option", "default", "values", box=None, pad_edge=False)
+    for option, rule in json_schema(cls)["properties"].items():
+        default = json.dumps(rule["default"]) if "default" in rule else "required"
+        table.add_row(option, escape(default), escape(_bounds(rule)))
+    if table.row_count:
+        out.print()
+        out.print(table)
+
+
+def _bounds(rule: dict[str, Any]) -> str:
+    """What a JSON Schema property allows, in a few words."""
+    if "anyOf" in rule:
+        return " or ".join(_bounds(part) for part in rule["anyOf"])
+    if "enum" in rule or "const" in rule:
+        return ", ".join(str(value) for value in rule.get("enum", [rule.get("const")]))
+    if "prefixItems" in rule:
+        return f"{len(rule['prefixItems'])} x {_bounds(rule['prefixItems'][0])}"
+    signs = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+    limits = [f"{sign} {rule[key]:g}" for key, sign in signs.items() if key in rule]
+    return " ".join([str(rule.get("type", "any")), *limits])
+
+
+def print_table(cells: pandas.DataFrame, metrics: list[str]) -> None:
+    """The cells of a run, a row each."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("light", "material", "method", "samples", *metrics, "shade ms"):
+        table.add_column(heading, justify="left" if heading in ("light", "material", "method") else "right")
+    for row in cells.to_dict("records"):
+        if row["status"] != "done":
+            table.add_row(row["light"], row["material"], row["method"], row["status"])
+            continue
+        numbers = [
+            "floor" if row["at_noise_floor"] and name != "mean_error" else f"{row[name]:.4g}" for name in metrics
+        ]
+        material = f"{row['material']} {_short(row['material_options'])}"
+        table.add_row(row["light"], material, row["method"], str(row["n_samples"]), *numbers,
+                      f"{1000 * row['shade_seconds']:.1f}")  # fmt: skip
+    # Numbers that a narrow window, or a file, would cut are of no use.
+    needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
+    Console(width=max(needed, out.width)).print(table, soft_wrap=True)
+    for row in cells[cells["status"] != "done"].to_dict("records"):
+        say(f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}")
+
+
+def _short(options: str) -> str:
+    """The first option that tells materials apart at a glance: its widths."""
+    values = json.loads(options)
+    value = values.get("m", values.get("alpha"))
+    widths = value if isinstance(value, list) else [] if value is None else [value]
+    return " ".join(f"{width:g}" for width in (widths[:1] if len(set(widths)) == 1 else widths))
+
+
+def print_verdicts(claims: list[dict[str, Any]]) -> None:
+    """The claims of a study, each with its verdict."""
+    styles = {"holds": "green", "does not hold": "red", "within noise": "yellow"}
+    for claim in claims:
+        out.print()
+        out.print(claim["verdict"], style=styles.get(claim["verdict"], "dim"), end="  ", highlight=False)
+        out.print(f"{claim['text']}\n  {claim['summary']}", markup=False, highlight=False)
+    out.print()

@@ -1,0 +1,87 @@
+"""Provenance: the versions, the source and the machine that results come from."""
+
+import hashlib
+import os
+import platform
+import sys
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import torch
+
+# What decides the numbers: a change of any of these files makes every cell new.
+NUMERICS = (
+    "brdf", "envmap", "scene", "directions.py", "fusion.py", "ground_truth.py", "metrics.py", "shading.py",
+    "stages.py",
+)  # fmt: skip
+
+
+def numerics_hash() -> str:
+    """SHA-256 of the source that decides the numbers, and of torch's version."""
+    digest = hashlib.sha256(torch.__version__.encode())
+    package = Path(__file__).parent
+    for part in NUMERICS:
+        for path in sorted((package / part).rglob("*.py")) if (package / part).is_dir() else [package / part]:
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def source_hash(cls: type) -> str:
+    """SHA-256 of the file that defines a class; empty where there is none."""
+    file = getattr(sys.modules[cls.__module__], "__file__", None)
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""
+
+
+def glossbench_version() -> str:
+    """Version of the installed package."""
+    try:
+        return version("glossbench")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def system_information() -> dict[str, Any]:
+    """Versions and hardware, for reports and for bug reports."""
+    names = (
+        "numpy",
+        "scipy",
+        "torch",
+        "scikit-image",
+        "matplotlib",
+        "OpenEXR",
+        "OpenImageIO",
+        "pydantic",
+        "pandas",
+    )
+    return {
+        "glossbench": glossbench_version(),
+        "python": platform.python_version(),
+        **{name.lower(): version(name) for name in names},
+        "platform": platform.platform(terse=True),
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "threads": torch.get_num_threads(),
+        "cuda": torch.cuda.get_device_name() if torch.cuda.is_available() else "none",
+    }
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def provenance(device: str, started: datetime) -> dict[str, Any]:
+    """Where results come from."""
+    return {
+        **system_information(),
+        "device": device,
+        "started": started.isoformat(timespec="seconds"),
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": " ".join(["glossbench", *sys.argv[1:]]) if Path(sys.argv[0]).name == "glossbench" else "Python",
+        "source_hash": numerics_hash(),
+    }

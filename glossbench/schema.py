@@ -1,0 +1,126 @@
+"""What a study may say: its keys with their types and bounds, and all of it as JSON Schema for editors."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from glossbench.brdf.material import MATERIALS
+from glossbench.claims import KINDS, Name, Names
+from glossbench.envmap.lights import LIGHTS
+from glossbench.ground_truth import FIRST_SAMPLES, N_REPLICATES
+from glossbench.options import Finite, Options, json_schema
+from glossbench.registry import Registry
+from glossbench.scene.points import VIEWS
+from glossbench.shading import METHODS
+
+REGISTRIES: dict[str, Registry[Any]] = {
+    "light": LIGHTS,
+    "material": MATERIALS,
+    "view": VIEWS,
+    "methods": METHODS,
+}
+
+
+class ReferenceOptions(BaseModel):
+    """How the truth is computed.
+
+    Attributes:
+        relative_error: RMS of its standard error over its mean, at which it is good enough.
+        seed: of its scrambles; where it is not stated, the study's.
+        max_samples: where it stops in any case, a pixel and technique.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    relative_error: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1e-3
+    seed: Annotated[int, Field(ge=0)] = 0
+    max_samples: Annotated[int, Field(ge=N_REPLICATES * FIRST_SAMPLES)] = 1 << 16
+
+    def with_seed(self, seed: int) -> Self:
+        """The options under another seed of their study."""
+        if "seed" in self.model_fields_set:
+            return self
+        return self.model_construct(self.model_fields_set, **{**self.model_dump(), "seed": seed})
+
+
+class StudyKeys(BaseModel):
+    """The keys of a study; what is in an item depends on its name."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    title: Name
+    source: str = ""
+    question: str = ""
+    light: Any
+    material: Any
+    view: Any
+    methods: Any
+    reference: ReferenceOptions = ReferenceOptions()
+    metrics: Annotated[Names, Field(min_length=1)] = ["rms", "relative_rms", "mean_error", "max_error"]
+    claims: list[Any] = []
+    exclude: list[dict[str, Any]] = []
+    seed: Annotated[int, Field(ge=0)] = 0
+    device: Literal["cpu", "cuda"] = "cpu"
+    plugins: list[str] = []
+
+
+class TuneKeys(BaseModel):
+    """What stands in place of an option's value that is to be searched for."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    tune: str
+    range: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of a study, with the options of every registered light, material, view and method."""
+    top = StudyKeys.model_json_schema()
+    for kind, registry in REGISTRIES.items():
+        item = _item_schema(kind, registry)
+        top["properties"][kind] = {"anyOf": [item, {"type": "array", "items": item, "minItems": 1}]}
+    top["properties"]["claims"]["items"] = {"anyOf": [model.model_json_schema() for model in KINDS.values()]}
+    definitions: dict[str, Any] = {}
+    top = _hoisted(top, definitions)
+    schema_of = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": schema_of, **top, "title": "glossbench study", "$defs": definitions}
+
+
+def _hoisted(stated: Any, definitions: dict[str, Any]) -> Any:
+    """A schema whose nested definitions have moved to where its references look for them."""
+    if isinstance(stated, list):
+        return [_hoisted(one, definitions) for one in stated]
+    if not isinstance(stated, dict):
+        return stated
+    definitions |= {name: _hoisted(one, definitions) for name, one in stated.get("$defs", {}).items()}
+    return {key: _hoisted(value, definitions) for key, value in stated.items() if key != "$defs"}
+
+
+def _item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
+    """A name, or one name with options; a light may be a file."""
+    options = {name: _options_schema(registry.get(name), kind == "methods") for name in registry.names()}
+    named = {name: {"anyOf": [of_name, {"type": "null"}]} for name, of_name in options.items()}
+    one = {
+        "type": "object",
+        "properties": named,
+        "additionalProperties": False,
+        "minProperties": 1,
+        "maxProperties": 1,
+    }
+    if kind == "light":
+        return {"anyOf": [{"type": "string"}, {**options["file"], "required": ["file"]}, one]}
+    return {"anyOf": [{"enum": registry.names()}, one]}
+
+
+def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
+    """Each option takes a value or a list of values, and a method's may be tuned."""
+    stated = json_schema(cls)
+    properties: dict[str, Any] = {}
+    lists: dict[str, Any] = {}
+    for option, value in stated["properties"].items():
+        default = {"default": value.pop("default")} if "default" in value else {}
+        # A scalar stands for equal components of a vector.
+        forms = [value, *value.get("prefixItems", [])[:1]]
+        lists[option] = {"type": "array", "items": {"anyOf": forms}, "minItems": 1}
+        tuned = [TuneKeys.model_json_schema()] if tunable else []
+        properties[option] = {"anyOf": [*forms, lists[option], *tuned], **default}
+    properties["zip"] = {"type": "object", "properties": lists, "additionalProperties": False}
+    description = (cls.__doc__ or "").strip().partition("\n")[0]
+    return {**stated, "description": description, "properties": properties}

@@ -1,0 +1,186 @@
+"""Sweeps: an item of a study with its lists, zip and tune -> the variants that it stands for."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import MISSING, fields
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from glossbench.envmap.lights import LIGHTS, FileLight, locate
+from glossbench.errors import InputError, nearest
+from glossbench.items import Item, MethodItem, Tune
+from glossbench.metrics import METRICS
+from glossbench.options import Options, check, json_schema, option_names
+from glossbench.schema import REGISTRIES, TuneKeys
+from glossbench.yaml_marks import Document, KeyPath, path_text
+
+
+class Axis(NamedTuple):
+    """Options that vary together, and the values that they take."""
+
+    options: tuple[str, ...]
+    values: list[tuple[Any, ...]]
+
+
+class Form:
+    """An item as the file states it: a class, the axes of its sweeps, a tuned option.
+
+    Args:
+        folder: of the study; the file of a light may lie there.
+        seed: of the study; an option `seed` of a method that states none takes it.
+    """
+
+    def __init__(self, document: Document, kind: str, path: KeyPath, value: Any, folder: Path, seed: int) -> None:
+        self._document, self._kind, self._folder = document, kind, folder
+        name, stated, self.path, at = self._named(path, value)
+        if name not in REGISTRIES[kind].names():
+            what = kind.removesuffix("s")
+            text = f"{path_text(path)}: unknown {what} {name!r}{nearest(name, REGISTRIES[kind].names())}"
+            raise document.error(at, text, at_key=at != path)
+        self.cls: type[Options] = REGISTRIES[kind].get(name)
+        self.tune: Tune | None = None
+        self.axes: list[Axis] = []
+        if not isinstance(stated, dict):
+            raise document.error(at, f"{path_text(at)}: options must be a mapping, got {stated!r}")
+        for option, given in stated.items():
+            self._add(option, given)
+        options = [option for axis in self.axes for option in axis.options]
+        options += [self.tune.option] if self.tune else []
+        twice = next((option for option in options if options.count(option) > 1), None)
+        if twice:
+            text = f"{path_text(self.path)}: {twice!r} is in 'zip', too"
+            raise document.error((*self.path, twice), text, at_key=True)
+        self._follows_seed = kind == "methods" and "seed" in set(option_names(self.cls)) - set(options)
+        self._start: dict[str, Any] = {"seed": seed} if self._follows_seed else {}
+        if self.tune and not _has_default(self.cls, self.tune.option):
+            self._start[self.tune.option] = self.tune.low
+
+    def n_variants(self) -> int:
+        return math.prod(len(axis.values) for axis in self.axes)
+
+    def variants(self) -> Iterator[Item]:
+        """The items that the form stands for, the last axis varying fastest."""
+        for values in product(*(axis.values for axis in self.axes)):
+            options = dict(self._start)
+            for axis, of_axis in zip(self.axes, values, strict=True):
+                options |= dict(zip(axis.options, of_axis, strict=True))
+            try:
+                complete = self.cls.create(options).as_dict()
+            except ValueError as error:
+                text = str(error).removeprefix(self.cls.name)
+                raise self._document.error(self.path, f"{path_text(self.path)}{text}") from error
+            if self._kind == "methods":
+                yield MethodItem(self.cls.name, complete, self.tune, self._follows_seed)
+            else:
+                yield Item(self.cls.name, complete)
+
+    def _named(self, path: KeyPath, value: Any) -> tuple[str, Any, KeyPath, KeyPath]:
+        """Name, options, the path of the options, and the path of the name."""
+        if isinstance(value, str):
+            is_file = self._kind == "light" and value not in LIGHTS.names() and bool(Path(value).suffix)
+            return ("file", {"file": value}, path, path) if is_file else (value, {}, path, path)
+        if isinstance(value, dict) and self._kind == "light" and "file" in value:
+            if len(value) > 1 or not isinstance(value["file"], dict | None):
+                return "file", value, path, path
+        if not isinstance(value, dict) or len(value) != 1:
+            got = f"the keys {', '.join(map(repr, value))}" if isinstance(value, dict) else repr(value)
+            text = f"{path_text(path)} must be a name, or one name with its options below it, got {got}"
+            raise self._document.error(path, text)
+        [(name, options)] = value.items()
+        return name, {} if options is None else options, (*path, name), (*path, name)
+
+    def _add(self, option: str, given: Any) -> None:
+        path = (*self.path, option)
+        if option == "zip":
+            self.axes.append(self._zipped(path, given))
+            return
+        self._require_known(path, option)
+        if isinstance(given, dict) and "tune" in given:
+            self.tune = self._tuned(path, option)
+            return
+        if self._accepts(option, given) or not isinstance(given, list):
+            values = [self._checked(path, option, given)]
+        else:
+            values = self._each(path, option, given)
+        self.axes.append(Axis((option,), [(value,) for value in values]))
+
+    def _accepts(self, option: str, value: Any) -> bool:
+        try:
+            check(self.cls, option, value)
+        except InputError:
+            return False
+        return True
+
+    def _checked(self, path: KeyPath, option: str, value: Any) -> Any:
+        """A value that the option accepts; the file of a light, if beside the study, with its whole path."""
+        try:
+            check(self.cls, option, value)
+        except InputError as error:
+            rule = str(error).removeprefix(f"{self.cls.name}.{option}")
+            raise self._document.error(path, f"{path_text(path)}{rule}") from error
+        if self.cls is not FileLight or option != "file":
+            return value
+        try:
+            found = locate(value, beside=self._folder)
+        except InputError as error:
+            raise self._document.error(path, f"{path_text(path)}: {error}") from error
+        return str(found) if found == self._folder / value else value
+
+    def _each(self, path: KeyPath, option: str, values: list[Any]) -> list[Any]:
+        if not values:
+            raise self._document.error(path, f"{path_text(path)} sweeps an empty list")
+        return [self._checked((*path, i), option, value) for i, value in enumerate(values)]
+
+    def _zipped(self, path: KeyPath, given: Any) -> Axis:
+        if not isinstance(given, dict) or not given or not all(isinstance(v, list) for v in given.values()):
+            raise self._document.error(path, f"{path_text(path)} must map options to lists, got {given!r}")
+        for option in given:
+            self._require_known((*path, option), option)
+        lengths = [len(values) for values in given.values()]
+        if len(set(lengths)) > 1:
+            told = ", ".join(f"{option} has {n}" for option, n in zip(given, lengths, strict=True))
+            raise self._document.error(path, f"{path_text(path)} pairs lists of one length, but {told}")
+        columns = [self._each((*path, option), option, values) for option, values in given.items()]
+        return Axis(tuple(given), list(zip(*columns, strict=True)))
+
+    def _tuned(self, path: KeyPath, option: str) -> Tune:
+        where = path_text(path)
+        if self._kind != "methods" or self.tune is not None:
+            why = "only one option of an item" if self._kind == "methods" else "only an option of a method"
+            raise self._document.error(path, f"{where}: {why} can be tuned")
+        model = self._document.validate(TuneKeys, path)
+        if model.tune not in METRICS.names():
+            text = f"{where}.tune: unknown metric {model.tune!r}{nearest(model.tune, METRICS.names())}"
+            raise self._document.error((*path, "tune"), text)
+        bounds = model.range or _bounds(self.cls, option)
+        if bounds is None:
+            text = f"{where} has no bounds to tune between; state range: [low, high]"
+            raise self._document.error(path, text)
+        low, high = map(float, bounds)
+        if not low < high:
+            raise self._document.error((*path, "range"), f"{where}.range must be [low, high], low first, got {bounds}")
+        # A point that is no whole number, too: a search steps between the ends.
+        for value in (low, high, low + (high - low) / math.pi):
+            self._checked((*path, "range"), option, value)
+        return Tune(option, model.tune, low, high)
+
+    def _require_known(self, path: KeyPath, option: str) -> None:
+        known = option_names(self.cls)
+        if option not in known:
+            text = f"{path_text(path[:-1])}: unknown option {option!r}{nearest(option, known)}"
+            raise self._document.error(path, text, at_key=True)
+
+
+def _bounds(cls: type[Options], option: str) -> list[float] | None:
+    """The bounds, themselves allowed, that the annotation of a number states."""
+    stated = json_schema(cls)["properties"][option]
+    for branch in (stated, *stated.get("anyOf", [])):
+        if "minimum" in branch and "maximum" in branch:
+            return [branch["minimum"], branch["maximum"]]
+    return None
+
+
+def _has_default(cls: type[Options], option: str) -> bool:
+    stated = next(f for f in fields(cls) if f.name == option)  # type: ignore[arg-type]
+    return stated.default is not MISSING or stated.default_factory is not MISSING

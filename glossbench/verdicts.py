@@ -1,0 +1,296 @@
+"""Verdicts: which of a study's claims its cells bear out."""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import PurePath
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas
+
+from glossbench.claims import (
+    PLACES,
+    Bounds,
+    Claim,
+    LowerClaim,
+    RatioClaim,
+    SlopeClaim,
+    ValueClaim,
+    agrees,
+    called,
+    methods_of,
+)
+from glossbench.metrics import METRICS
+
+HOLDS, FAILS, NOISE, UNTESTED = "holds", "does not hold", "within noise", "not tested"
+Row = dict[str, Any]
+
+
+class Case(NamedTuple):
+    """One comparison of a claim; `shown` is the number that the summary tells about."""
+
+    where: str
+    a: float
+    b: float | None
+    bound: Any
+    noise: float
+    verdict: str
+    shown: float
+
+
+def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
+    """The verdict on each claim, with its numbers, as JSON types.
+
+    A case holds, does not hold, or, where a number is nearer to what it is compared with than twice the noise
+    of the reference, is within noise. A claim does not hold if one case does not; else it holds if one case
+    does; else it is within noise. Without a case it is not tested, and the summary says why.
+    """
+    table = _Table(cells.to_dict("records"))
+    return [table.judged(claim) for claim in claims]
+
+
+class _Table:
+    """The rows of a run, ready to be picked for a claim."""
+
+    def __init__(self, records: list[Any]) -> None:
+        self.rows: list[Row] = [dict(record) for record in records]
+        for row in self.rows:
+            for column in ("options", *(f"{place}_options" for place in PLACES)):
+                row[column] = json.loads(row[column])
+            if isinstance(row.get("stage_seconds"), str):
+                row["stage_seconds"] = float(sum(json.loads(row["stage_seconds"]).values()))
+        self._varying = {place: self._telling(place) for place in PLACES}
+
+    def _telling(self, place: str) -> dict[str, list[str]]:
+        options: dict[str, list[Row]] = {}
+        for row in self.rows:
+            options.setdefault(row[place], []).append(row[f"{place}_options"])
+        return {name: _varying(all_options) for name, all_options in options.items()}
+
+    def judged(self, claim: Claim) -> dict[str, Any]:
+        notes: Counter[str] = Counter()
+        picked = {name: self._picked(claim, name, notes) for name in methods_of(claim).values()}
+        cases: list[Case] = []
+        match claim:
+            case LowerClaim():
+                quantity = f"{claim.metric} of {claim.lower} over {claim.than}"
+                for a, b, where in self._pairs(claim, picked, notes):
+                    errors = abs(a[claim.metric]), abs(b[claim.metric])
+                    cases.append(_lower(*errors, _noise(a, b, claim.metric), where))
+            case RatioClaim():
+                quantity = f"{claim.of} of {claim.ratio[0]} over {claim.ratio[1]}"
+                for a, b, where in self._pairs(claim, picked, notes):
+                    if b[claim.of] == 0:
+                        notes[f"pairs whose divisor, {claim.of} of {claim.ratio[1]}, is zero"] += 1
+                    else:
+                        cases.append(_ratio(claim, a[claim.of], b[claim.of], _noise(a, b, claim.of), where))
+            case SlopeClaim():
+                quantity = f"slope of log {claim.metric} over log {claim.over}"
+                cases += self._slopes(claim, picked[claim.slope], notes)
+            case ValueClaim():
+                quantity = f"{claim.of} of {claim.value}"
+                varying = _varying(row["options"] for row in picked[claim.value])
+                for a in picked[claim.value]:
+                    where = _listed([self._place(a), _shown(a, varying)])
+                    cases.append(_value(claim, a[claim.of], _noise(a, a, claim.of), where))
+        verdict, summary = _concluded(cases, quantity, notes)
+        numbers = [{k: v for k, v in case._asdict().items() if k != "shown"} for case in cases]
+        judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict}
+        return {**judgement, "numbers": numbers, "summary": summary}
+
+    def _picked(self, claim: Claim, method: str, notes: Counter[str]) -> list[Row]:
+        """The finished cells of a method that a claim is about, the column of the claim being a number."""
+        column = claim.metric if isinstance(claim, LowerClaim | SlopeClaim) else claim.of
+        about = set(methods_of(claim).values())
+        of_methods = {key for row in self.rows if row["method"] in about for key in row["options"]}
+        picked = []
+        for row in self.rows:
+            if row["method"] != method or not _within(row, claim.where, of_methods):
+                continue
+            if row["status"] != "done":
+                notes[f"cells {row['status']}"] += 1
+                continue
+            value = _number(row.get(column))
+            if value is None:
+                notes[f"cells without a finite {column}"] += 1
+            else:
+                picked.append({**row, column: value})
+        return picked
+
+    def _pairs(
+        self, claim: LowerClaim | RatioClaim, picked: dict[str, list[Row]], notes: Counter[str]
+    ) -> Iterator[tuple[Row, Row, str]]:
+        """Cells of both methods on one light, material and view, with equal values of the pairing options."""
+        first, second = (picked[name] for name in methods_of(claim).values())
+        shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in (first, second)))
+        usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared]
+        keys = claim.paired_by or usual
+        varying = [_varying(row["options"] for row in rows) for rows in (first, second)]
+        partners: dict[str, list[Row]] = {}
+        for b in second:
+            partners.setdefault(_key(b, keys), []).append(b)
+        for a in first:
+            found = partners.get(_key(a, keys), [])
+            notes["cells without a partner"] += not found
+            for b in found:
+                sides = zip((a, b), varying, strict=True)
+                own = [_shown(row, [key for key in differing if key not in keys]) for row, differing in sides]
+                against = " against ".join(own) if any(own) else ""
+                yield a, b, _listed([self._place(a), _shown(a, keys), against])
+
+    def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
+        places: dict[str, list[Row]] = {}
+        for row in rows:
+            budget = _number(row["options"].get(claim.over))
+            if row.get("at_noise_floor") or row[claim.metric] == 0:
+                notes["cells at the noise floor"] += 1
+            elif budget is None or budget <= 0:
+                notes[f"cells without a positive {claim.over}"] += 1
+            else:
+                places.setdefault(_key(row, []), []).append(row)
+        for place in places.values():
+            for group, own in _curves(place, claim.over):
+                x = np.log([float(row["options"][claim.over]) for row in group])
+                if len(set(x)) < 3:
+                    notes["curves of fewer than 3 points"] += 1
+                    continue
+                y = np.log([abs(row[claim.metric]) for row in group])
+                slope = float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
+                verdict = _verdict(_inside(slope, claim.between), [], 0.0)
+                where = _listed([self._place(group[0]), own])
+                yield Case(where, slope, None, list(claim.between), 0.0, verdict, slope)
+
+    def _place(self, row: Row) -> str:
+        parts = []
+        for place in PLACES:
+            options = row[f"{place}_options"]
+            name = PurePath(options["file"]).name if row[place] == "file" else row[place]
+            telling = [key for key in self._varying[place].get(row[place], []) if key != "file"]
+            parts.append(" ".join([name, *(f"{key}={options[key]}" for key in telling)]))
+        return _listed(parts)
+
+
+def _listed(parts: list[str]) -> str:
+    return ", ".join(part for part in parts if part)
+
+
+def _shown(row: Row, keys: Collection[str]) -> str:
+    return " ".join(f"{key}={row['options'].get(key)}" for key in keys)
+
+
+def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
+    """The options that differ among some dictionaries of options: they tell cases apart."""
+    seen: dict[str, set[str]] = {}
+    for one in options:
+        for key, value in one.items():
+            seen.setdefault(key, set()).add(json.dumps(value))
+    return [key for key, values in seen.items() if len(values) > 1]
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
+        return None
+    return float(value)
+
+
+def _key(row: Row, options: Collection[str]) -> str:
+    """What a cell is about, and some of its method's options, as text."""
+    places = [(row[place], row[f"{place}_options"]) for place in PLACES]
+    return json.dumps([places, [row["options"].get(key) for key in options]], sort_keys=True)
+
+
+def _within(row: Row, where: Mapping[str, Any], of_methods: Collection[str]) -> bool:
+    """Whether a cell is what `where` asks for; what only the other method has does not restrict it."""
+    for key, wanted in where.items():
+        if key in PLACES:
+            fits = any(agrees(wanted, name) for name in called(row[key], row[f"{key}_options"]))
+        elif key in row["options"] or key in of_methods:
+            fits = key not in row["options"] or agrees(wanted, row["options"][key])
+        else:
+            fits = key in row["material_options"] and agrees(wanted, row["material_options"][key])
+        if not fits:
+            return False
+    return True
+
+
+def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
+    """Rows of one place as curves with one point for each value of an option.
+
+    Rows that share a value are told apart by the option that has the fewest values among them, so that a
+    tuned option, which has a value a cell, never tears a curve apart.
+    """
+    points: dict[float, list[Row]] = {}
+    for row in rows:
+        points.setdefault(row["options"][over], []).append(row)
+    differing = {key for same in points.values() for key in _varying(row["options"] for row in same)}
+    if not differing:
+        return [(rows, "")]
+    groups = {key: {json.dumps(row["options"].get(key)): row for row in rows} for key in differing}
+    key = min(sorted(differing), key=lambda k: len(groups[k]))
+    curves = []
+    for value in groups[key]:
+        part = [row for row in rows if json.dumps(row["options"].get(key)) == value]
+        curves += [(group, " ".join([f"{key}={value}", own]).strip()) for group, own in _curves(part, over)]
+    return curves
+
+
+def _noise(a: Row, b: Row, column: str) -> float:
+    """RMS of the reference's standard error in the unit of a column; zero where it does not enter."""
+    noise = max(_number(row.get("reference_noise")) or 0.0 for row in (a, b))
+    if column.startswith("relative_"):
+        mean = _number(a.get("reference_mean")) or 0.0
+        return noise / mean if mean > 0 else 0.0
+    return noise if column in METRICS.names() and METRICS.get(column).unit == "radiance" else 0.0
+
+
+def _verdict(holds: bool, distances: Iterable[float], noise: float) -> str:
+    if any(abs(distance) < 2 * noise for distance in distances):
+        return NOISE
+    return HOLDS if holds else FAILS
+
+
+def _inside(value: float, bounds: Bounds) -> bool:
+    low, high = bounds
+    return (low is None or value >= low) and (high is None or value <= high)
+
+
+def _edges(bounds: Bounds, column: str) -> list[float]:
+    """The bounds that noise may carry a number across: no error but the signed one goes below zero."""
+    return [bound for bound in bounds if bound is not None and (bound != 0 or column == "mean_error")]
+
+
+def _lower(a: float, b: float, noise: float, where: str) -> Case:
+    return Case(where, a, b, None, noise, _verdict(a < b, [a - b], noise), a / b if b else math.inf)
+
+
+def _ratio(claim: RatioClaim, a: float, b: float, noise: float, where: str) -> Case:
+    edges = [a - edge * b for edge in _edges(claim.between, claim.of)]
+    verdict = _verdict(_inside(a / b, claim.between), edges, noise)
+    return Case(where, a, b, list(claim.between), noise, verdict, a / b)
+
+
+def _value(claim: ValueClaim, a: float, noise: float, where: str) -> Case:
+    if claim.between is None:
+        assert claim.equals is not None
+        verdict = _verdict(math.isclose(a, claim.equals), [a - claim.equals], noise)
+        return Case(where, a, None, claim.equals, noise, verdict, a)
+    verdict = _verdict(_inside(a, claim.between), [a - edge for edge in _edges(claim.between, claim.of)], noise)
+    return Case(where, a, None, list(claim.between), noise, verdict, a)
+
+
+def _concluded(cases: list[Case], quantity: str, notes: Counter[str]) -> tuple[str, str]:
+    """The verdict on a claim and a sentence with the counts and the extreme numbers."""
+    left_out = "".join(f"; {what}: {count}" for what, count in sorted(notes.items()) if count)
+    if not cases:
+        why = left_out.removeprefix("; ") or "the run has no cell that it is about"
+        return UNTESTED, f"Not tested: {why}."
+    count = Counter(case.verdict for case in cases)
+    verdict = next(v for v in (FAILS, HOLDS, NOISE) if count[v])
+    noise = f", {count[NOISE]} within noise" if count[NOISE] else ""
+    low, high = (pick(cases, key=lambda case: case.shown) for pick in (min, max))
+    span = f"{low.shown:.4g} ({low.where})"
+    if len(cases) > 1:
+        span = f"from {span} to {high.shown:.4g} ({high.where})"
+    return verdict, f"Holds in {count[HOLDS]} of {len(cases)} cases{noise}; {quantity}: {span}{left_out}."

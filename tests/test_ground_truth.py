@@ -1,0 +1,395 @@
+"""The reference against exact summation over texels, and its standard error against the spread of seeds."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+import torch
+from scipy.special import erfcx
+from scipy.stats import f as f_distribution
+from scipy.stats import t as student
+
+from glossbench.brdf.ggx import GGX
+from glossbench.brdf.kurt import Beckmann, Kurt
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.importance import LightDistribution
+from glossbench.envmap.synthetic import Constant, SingleTexel
+from glossbench.errors import InputError
+from glossbench.ground_truth import N_REPLICATES, compute_reference
+from glossbench.scene.sphere import Sphere
+
+VIEW = Sphere(resolution=6)
+N_SEEDS = 20
+# The face table of the cube's convention: normal, to the right, down.
+FACES = np.array(
+    [
+        [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+        [[-1, 0, 0], [0, 0, -1], [0, -1, 0]],
+        [[0, 1, 0], [1, 0, 0], [0, 0, -1]],
+        [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+        [[0, 0, 1], [-1, 0, 0], [0, -1, 0]],
+        [[0, 0, -1], [1, 0, 0], [0, -1, 0]],
+    ],
+    dtype=float,
+)
+
+
+# Exact summation in float64: the light's bilinear interpolant at the sub-texel centres, times their solid angles.
+
+
+def centres(n):
+    return (2 * np.arange(n) + 1) / n - 1
+
+
+def face_points(s, t):
+    """Points (6, len(t), len(s), 3) of the cube [-1, 1]^3."""
+    n, right, down = (FACES[:, None, None, k] for k in range(3))
+    return n + s[None, None, :, None] * right + t[None, :, None, None] * down
+
+
+def with_border(faces):
+    """Each border texel is the texel of another face whose centre lies nearest to the edge between them."""
+    r = faces.shape[1]
+    points = face_points(centres(r), centres(r))
+    padded = np.zeros((6, r + 2, r + 2, 3))
+    padded[:, 1:-1, 1:-1] = faces
+    for face in range(6):
+        others = [k for k in range(6) if k != face]
+        d, colors = points[others].reshape(-1, 3), faces[others].reshape(-1, 3)
+        for i, s in enumerate(centres(r)):
+            places = {(0, i + 1): (s, -1), (-1, i + 1): (s, 1), (i + 1, 0): (-1, s), (i + 1, -1): (1, s)}
+            for place, (a, b) in places.items():
+                edge = FACES[face, 0] + a * FACES[face, 1] + b * FACES[face, 2]
+                padded[(face, *place)] = colors[np.argmin(((d - edge) ** 2).sum(1))]
+        for y, x, ny, nx in ((0, 0, 1, 1), (0, -1, 1, -2), (-1, 0, -2, 1), (-1, -1, -2, -2)):
+            padded[face, y, x] = (padded[face, ny, nx] + padded[face, y, nx] + padded[face, ny, x]) / 3
+    return padded
+
+
+def fine_light(faces, k):
+    """Directions, radiance and solid angles of k^2 sub-texels a texel, flat."""
+    r = faces.shape[1]
+    at = (np.arange(r * k) + 0.5) / k + 0.5  # in the padded grid, whose texel centres are integers
+    low, part = at.astype(int), at % 1
+    padded = with_border(faces)
+    rows = padded[:, low] * (1 - part)[:, None, None] + padded[:, low + 1] * part[:, None, None]
+    radiance = rows[:, :, low] * (1 - part)[:, None] + rows[:, :, low + 1] * part[:, None]
+    points = face_points(centres(r * k), centres(r * k))
+    distance = np.linalg.norm(points, axis=-1, keepdims=True)
+    edge = np.linspace(-1, 1, r * k + 1)
+    corner = np.arctan2(edge[None] * edge[:, None], np.sqrt(edge[None] ** 2 + edge[:, None] ** 2 + 1))
+    solid_angle = np.broadcast_to(np.diff(np.diff(corner, axis=0), axis=1), (6, r * k, r * k))
+    return (points / distance).reshape(-1, 3), radiance.reshape(-1, 3), solid_angle.reshape(-1)
+
+
+@dataclass(frozen=True)
+class Glossy:
+    """A material by hand."""
+
+    model: str
+    widths: tuple[float, float]
+    f0: tuple[float, ...] = (1.0, 1.0, 1.0)
+    kd: tuple[float, ...] = (0.0, 0.0, 0.0)
+    shadowing: float = 0.0
+    width_factor: float = 1.0
+
+    def material(self):
+        if self.model == "kurt":
+            return Kurt(m=self.widths, f0=self.f0, kd=self.kd, shadowing=self.shadowing)
+        return GGX(alpha=self.widths, f0=self.f0, kd=self.kd)
+
+    def f(self, wo, wi):
+        """BRDF (N, 3) for light directions (N, 3), all above the surface."""
+        w_x, w_y = (w * self.width_factor for w in self.widths)
+        h = wo + wi
+        h = h / np.linalg.norm(h, axis=1, keepdims=True)
+        c = h @ wo
+        slope2 = ((h[:, 0] / w_x) ** 2 + (h[:, 1] / w_y) ** 2) / h[:, 2] ** 2
+        peak = pi * w_x * w_y * h[:, 2] ** 4
+        if self.model == "kurt":
+            value = np.exp(-slope2) / peak / (4 * c * (wi[:, 2] * wo[2]) ** self.shadowing)
+        else:
+            tails = [
+                (np.sqrt(1 + ((w_x * v[..., 0]) ** 2 + (w_y * v[..., 1]) ** 2) / v[..., 2] ** 2) - 1) / 2
+                for v in (wo, wi)
+            ]
+            value = 1 / (peak * (1 + slope2) ** 2) / (4 * wi[:, 2] * wo[2] * (1 + tails[0] + tails[1]))
+        fresnel = np.array(self.f0) + (1 - np.array(self.f0)) * ((1 - c) ** 5)[:, None]
+        return np.array(self.kd) / pi + fresnel * value[:, None]
+
+
+def pixels():
+    """Frames (P, 3, 3), rows t, b, n, and wo of the sphere's pixels, from its own words."""
+    at = centres(VIEW.resolution)
+    x, y = np.meshgrid(at, -at)
+    inside = x * x + y * y < 1
+    n = np.stack([x[inside], y[inside], np.sqrt(1 - x[inside] ** 2 - y[inside] ** 2)], axis=1)
+    t = np.cross([0.0, 1.0, 0.0], n)
+    t = t / np.linalg.norm(t, axis=1, keepdims=True)
+    return np.stack([t, np.cross(n, t), n], axis=1)
+
+
+def sum_texels(glossy, faces, k=8, cosine=True):
+    """Radiance (P, 3) of the view's pixels."""
+    d, radiance, solid_angle = fine_light(faces, k)
+    weighted = radiance * solid_angle[:, None]
+    image = []
+    for frame in pixels():
+        wi = d @ frame.T
+        above = wi[:, 2] > 0
+        f = glossy.f(frame @ [0.0, 0.0, 1.0], wi[above])
+        image.append((f * weighted[above] * (wi[above, 2:] if cosine else 1)).sum(0))
+    return np.array(image)
+
+
+# Lights and materials.
+
+
+@cache
+def lights():
+    rng = np.random.default_rng(3)
+    rough = (10 ** rng.uniform(-1, 1.5, (6, 16, 16, 1)) * rng.uniform(0.5, 1, (6, 16, 16, 3))).astype(
+        np.float32
+    )
+    spot = np.full((6, 16, 16, 3), 0.05, np.float32)
+    spot[4, 6:8, 9:11], spot[2, 15, 0], spot[0, 3, 14] = (50.0, 30.0, 10.0), (5.0, 20.0, 80.0), 40.0
+    return {"rough": CubeMap(torch.tensor(rough), "rough"), "spot": CubeMap(torch.tensor(spot), "spot")}
+
+
+MATERIALS = {
+    "kurt": Glossy("kurt", (0.15, 0.15)),
+    "kurt_anisotropic": Glossy("kurt", (0.4, 0.15), (0.9, 0.6, 0.2), shadowing=0.3),
+    "ggx_diffuse": Glossy("ggx", (0.2, 0.2), (0.04, 0.04, 0.04), kd=(0.5, 0.3, 0.1)),
+    "ggx_anisotropic": Glossy("ggx", (0.5, 0.2), (0.9, 0.7, 0.3)),
+}
+CASES = [(light, material) for light in ("rough", "spot") for material in MATERIALS]
+
+
+@cache
+def exact(light, material, k=8):
+    """Midpoint sums at k / 2 and k sub-texels along an edge, extrapolated: their error falls with the square of k."""
+    coarse, fine = (
+        sum_texels(MATERIALS[material], lights()[light].faces.double().numpy(), n) for n in (k // 2, k)
+    )
+    return (4 * fine - coarse) / 3
+
+
+def reference(light, material, relative_error=2e-3, seed=0):
+    """Radiance and standard error (P, 3)."""
+    truth = compute_reference(light, material, VIEW, relative_error=relative_error, seed=seed)
+    return truth.radiance[truth.mask].numpy(), truth.standard_error[truth.mask].numpy()
+
+
+@cache
+def seeds_of(light, material):
+    """Radiance and standard error (S, P, 3) of 20 seeds."""
+    runs = [reference(lights()[light], MATERIALS[material].material(), 1e-2, seed) for seed in range(N_SEEDS)]
+    return np.stack([r[0] for r in runs]), np.stack([r[1] for r in runs])
+
+
+def z_limit(n_values):
+    """|z| that n values together pass with 99 %, Sidak: each follows Student's t with 15 degrees of freedom."""
+    return student.isf((1 - 0.99 ** (1 / n_values)) / 2, N_REPLICATES - 1)
+
+
+def check_z(radiance, standard_error, truth, n_tests=len(CASES)):
+    z = (radiance - truth) / standard_error
+    assert np.abs(z).max() < z_limit(z.size * n_tests)
+
+
+@pytest.mark.parametrize(("light", "material"), CASES)
+def test_reference_is_the_exact_sum_over_texels(light, material):
+    truth = exact(light, material)
+
+    radiance, standard_error = reference(lights()[light], MATERIALS[material].material())
+
+    # The sum's own error, k = 8 against 16: 0.06 of a standard error, but 0.44 for kurt_anisotropic under the spot.
+    check_z(radiance, standard_error, truth)
+
+
+@cache
+def sharp():
+    return reference(lights()["rough"], MATERIALS["ggx_diffuse"].material(), relative_error=1e-3)
+
+
+@pytest.mark.parametrize("fault", ["alpha squared by 2 percent", "no cosine", "light upside down"])
+def test_z_test_notices_a_fault_in_what_is_integrated(fault):
+    faces, right = lights()["rough"].faces.double().numpy(), MATERIALS["ggx_diffuse"]
+
+    wrong = {
+        "alpha squared by 2 percent": lambda: sum_texels(replace(right, width_factor=sqrt(1.02)), faces),
+        "no cosine": lambda: sum_texels(right, faces, cosine=False),
+        "light upside down": lambda: sum_texels(right, faces[:, ::-1]),
+    }[fault]()
+
+    check_z(*sharp(), exact("rough", "ggx_diffuse"), n_tests=1)
+    with pytest.raises(AssertionError):
+        check_z(*sharp(), wrong, n_tests=1)
+
+
+def test_z_test_notices_a_light_density_that_is_off_by_2_percent(monkeypatch):
+    right = LightDistribution.pdf
+    monkeypatch.setattr(LightDistribution, "pdf", lambda self, d: 1.02 * right(self, d))
+
+    radiance, standard_error = reference(lights()["rough"], MATERIALS["ggx_diffuse"].material(), 1e-3)
+
+    with pytest.raises(AssertionError):
+        check_z(radiance, standard_error, exact("rough", "ggx_diffuse"), n_tests=1)
+
+
+def test_z_test_notices_a_lobe_that_is_drawn_with_swapped_widths(monkeypatch):
+    right = Beckmann.sample_points
+    swapped = lambda self, u: right(replace(self, widths=self.widths[::-1]), u)  # noqa: E731
+    monkeypatch.setattr(Beckmann, "sample_points", swapped)
+
+    radiance, standard_error = reference(lights()["rough"], MATERIALS["kurt_anisotropic"].material(), 1e-2)
+
+    with pytest.raises(AssertionError):
+        check_z(radiance, standard_error, exact("rough", "kurt_anisotropic"), n_tests=1)
+
+
+# Honesty of the standard error. All pixels share their sequences, so that seeds, not pixels, are the independent draws.
+
+SEED_CASES = [("rough", "kurt"), ("spot", "ggx_anisotropic")]
+
+
+def check_squares(radiance, standard_error, truth):
+    """Mean of z^2 over seeds: 15 / 13 for Student's t, within what the seeds' spread allows at 99.9 %."""
+    squares = (((radiance - truth) / standard_error) ** 2).mean((1, 2))
+    bound = student.isf(0.0005, N_SEEDS - 1) * squares.std(ddof=1) / sqrt(N_SEEDS)
+    assert abs(squares.mean() - (N_REPLICATES - 1) / (N_REPLICATES - 3)) < bound
+
+
+def check_spread(radiance, standard_error):
+    """Variance over seeds by the mean square of the stated errors, each pixel: F with 19 and 20 x 15 degrees."""
+    ratio = radiance.var(0, ddof=1) / (standard_error**2).mean(0)
+    p = (1 - 0.99 ** (1 / (ratio.size * len(SEED_CASES)))) / 2
+    degrees = N_SEEDS - 1, N_SEEDS * (N_REPLICATES - 1)
+    assert f_distribution.ppf(p, *degrees) < ratio.min()
+    assert ratio.max() < f_distribution.isf(p, *degrees)
+
+
+@pytest.mark.parametrize(("light", "material"), SEED_CASES)
+def test_standard_error_is_honest_over_20_seeds(light, material):
+    radiance, standard_error = seeds_of(light, material)
+    truth = exact(light, material)
+
+    assert np.abs((radiance - truth) / standard_error).max() < z_limit(radiance.size * len(SEED_CASES))
+    check_squares(radiance, standard_error, truth)
+    check_spread(radiance, standard_error)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_honesty_checks_notice_a_standard_error_that_is_off_by_two(factor):
+    radiance, standard_error = seeds_of("rough", "kurt")
+    truth = exact("rough", "kurt")
+
+    with pytest.raises(AssertionError):
+        check_squares(radiance, factor * standard_error, truth)
+    with pytest.raises(AssertionError):
+        check_spread(radiance, factor * standard_error)
+
+
+def test_same_seed_gives_the_same_bytes_and_another_seed_agrees_within_the_error():
+    radiance, standard_error = seeds_of("rough", "kurt")
+
+    again = reference(lights()["rough"], MATERIALS["kurt"].material(), 1e-2, seed=0)
+
+    assert (again[0] == radiance[0]).all()
+    assert (again[1] == standard_error[0]).all()
+    assert (radiance[1] != radiance[0]).any()
+    both = np.sqrt(standard_error[0] ** 2 + standard_error[1] ** 2)
+    check_z(radiance[0], both, radiance[1], n_tests=1)
+
+
+# Known lights.
+
+
+def test_constant_light_returns_the_closed_form_albedo():
+    """The one pixel of a 1 x 1 image looks along the normal: see the albedo of a Kurt lobe, F = 1."""
+    m = 0.3
+    tail = np.exp(-1 / m**2)
+    lobe = (2 - m * m / 2) * sqrt(pi) / m * (erfcx(1 / m) - tail * erfcx(sqrt(2) / m)) + sqrt(2) * tail - 1
+    material = Kurt(m=m, ks=0.5, kd=(0.4, 0.2, 0.1))
+
+    truth = compute_reference(
+        Constant(radiance=2.5).cubemap(), material, Sphere(resolution=1), relative_error=1e-4
+    )
+
+    expected = 2.5 * (0.5 * lobe + np.array([0.4, 0.2, 0.1]))
+    check_z(truth.radiance[0, 0].numpy(), truth.standard_error[0, 0].numpy(), expected, n_tests=1)
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_constant_light_returns_the_exact_albedo_everywhere(material):
+    light = Constant(radiance=(1.0, 2.0, 0.5), resolution=8).cubemap()
+    truth = sum_texels(MATERIALS[material], light.faces.double().numpy(), k=16)
+
+    radiance, standard_error = reference(light, MATERIALS[material].material(), relative_error=1e-2)
+
+    check_z(radiance, standard_error, truth, n_tests=len(MATERIALS))
+
+
+def test_black_light_gives_exactly_zero():
+    light = CubeMap(torch.zeros(6, 8, 8, 3))
+
+    truth = compute_reference(light, Kurt(kd=0.5), VIEW, relative_error=1e-3)
+
+    assert (truth.radiance == 0).all()
+    assert (truth.standard_error == 0).all()
+    assert (truth.noise, truth.mean) == (0, 0)
+
+
+@pytest.mark.parametrize(("face", "row", "column"), [(4, 8, 7), (2, 0, 0), (1, 5, 15)])
+def test_one_lit_texel_is_summed_exactly(face, row, column):
+    """In the middle of a face, in a corner of the cube, at an edge."""
+    light = SingleTexel(face=face, row=row, column=column, resolution=16).cubemap()
+    glossy = MATERIALS["ggx_diffuse"]
+    truth = sum_texels(glossy, light.faces.double().numpy(), k=16)
+
+    radiance, standard_error = reference(light, glossy.material())
+
+    # Below the horizon of the texel both are zero; 1e-12 stands for an error of zero.
+    check_z(radiance, np.maximum(standard_error, 1e-12), truth, n_tests=3)
+
+
+# What the caller asks for.
+
+
+@pytest.mark.parametrize("relative_error", [3e-2, 1e-2, 3e-3])
+def test_noise_target_is_met_or_the_samples_are_spent(relative_error):
+    steps = []
+
+    truth = compute_reference(
+        lights()["rough"],
+        MATERIALS["kurt"].material(),
+        VIEW,
+        relative_error,
+        progress=lambda noise, n: steps.append((noise, n)),
+    )
+
+    assert truth.noise <= relative_error * truth.mean
+    assert all(noise > relative_error for noise, _ in steps[:-1])
+    assert steps[-1][1] == truth.n_samples
+    assert all(after == 2 * before for (_, before), (_, after) in zip(steps, steps[1:], strict=False))
+
+
+def test_samples_are_bounded():
+    truth = compute_reference(lights()["spot"], MATERIALS["kurt"].material(), VIEW, 1e-9, max_samples=4096)
+
+    assert truth.n_samples == 2 * 4096  # light and lobe
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"relative_error": 0.0}, "relative_error must be above 0, got 0.0"),
+        ({"relative_error": float("nan")}, "relative_error must be above 0, got nan"),
+        ({"max_samples": 1023}, "max_samples must be at least 1024, got 1023"),
+    ],
+)
+def test_senseless_demand_is_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        compute_reference(lights()["rough"], Kurt(), VIEW, **options)

@@ -1,0 +1,113 @@
+"""The house: methods -> glossbench <- reports, and no other arrow."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+# Where each folder is found once installed.
+PACKAGES = {"glossbench": "glossbench", "methods": "glossbench.methods", "reports": "glossbench.reports"}
+
+
+def imports(source, package):
+    """Names of all modules that a module of this package may import, at any depth of its code.
+
+    `from a import b` counts as a and as a.b, for b may be a module; a relative import is resolved; a literal
+    name handed to import_module counts too.
+    """
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            found |= {module} | {f"{module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in (
+            "import_module",
+            "__import__",
+        ):
+            found |= {
+                arg.value for arg in node.args if isinstance(arg, ast.Constant) and isinstance(arg.value, str)
+            }
+    return found
+
+
+def within(name, package):
+    return name == package or name.startswith(f"{package}.")
+
+
+def forbidden(module, package, source):
+    """Imports of this module (its dotted name and package) that the house does not allow."""
+    closed = {"glossbench": ("glossbench.methods", "glossbench.reports"),
+              "methods": ("glossbench.methods", "glossbench.reports"),
+              "reports": ("glossbench.methods",)}  # fmt: skip
+    folder = next((f for f in ("methods", "reports") if within(module, PACKAGES[f])), "glossbench")
+    names = imports(source, package)
+    return sorted(n for n in names if any(within(n, p) for p in closed[folder]) and not within(n, module))
+
+
+def modules():
+    """(dotted name, package, path) of every file of the core, the methods and the reports."""
+    for folder, package in PACKAGES.items():
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            parts = path.relative_to(ROOT / folder).with_suffix("").parts
+            inside = [package, *parts[:-1]]
+            name = ".".join(inside if parts[-1] == "__init__" else [*inside, parts[-1]])
+            yield pytest.param(name, ".".join(inside), path, id=name)
+
+
+@pytest.mark.parametrize(("module", "package", "path"), list(modules()))
+def test_a_module_imports_only_what_its_room_allows(module, package, path):
+    assert forbidden(module, package, path.read_text()) == []
+
+
+def test_the_walk_sees_every_room():
+    names = {parameters.values[0] for parameters in modules()}
+
+    assert {"glossbench", "glossbench.shading", "glossbench.envmap.cubemap"} <= names
+    assert {"glossbench.methods.regular_sampling", "glossbench.reports.html"} <= names
+
+
+METHOD, REPORT = "glossbench.methods.new_method", "glossbench.reports.pdf"
+FAULTS = [
+    ("glossbench.runner", "import glossbench.methods.regular_sampling"),
+    ("glossbench.runner", "from glossbench.methods import regular_sampling"),
+    ("glossbench.runner", "from glossbench.methods.regular_sampling import RegularSampling as R"),
+    ("glossbench.runner", "def run():\n    from glossbench import reports"),
+    ("glossbench.runner", "if True:\n    import glossbench.reports.html as html"),
+    ("glossbench.runner", "from .methods import regular_sampling"),
+    ("glossbench.runner", "from . import reports"),
+    ("glossbench.envmap.cubemap", "from ..reports.html import write_report"),
+    ("glossbench.runner", 'importlib.import_module("glossbench.reports.html")'),
+    (METHOD, "from glossbench.methods.importance_sampling import ImportanceSampling"),
+    (METHOD, "from .importance_sampling import ImportanceSampling"),
+    (METHOD, "from glossbench.reports import figures"),
+    (METHOD, "import glossbench.reports.html"),
+    (REPORT, "from glossbench.methods.importance_sampling import ImportanceSampling"),
+    (REPORT, "from glossbench import methods"),
+    (REPORT, "from ..methods import regular_sampling"),
+]
+
+
+@pytest.mark.parametrize(("module", "source"), FAULTS)
+def test_the_walk_notices(module, source):
+    assert forbidden(module, module.rpartition(".")[0], source)
+
+
+ALLOWED = [
+    ("glossbench.runner", "from glossbench.shading import METHODS"),
+    ("glossbench.runner", "from glossbench.methods_of_study import cells"),
+    ("glossbench.runner", 'home = "glossbench.methods"'),
+    (METHOD, "from glossbench.envmap.pyramid import lookup\nimport torch"),
+    (METHOD, "from ..shading import METHODS"),
+    (REPORT, "from glossbench.results import Results"),
+    (REPORT, "from glossbench.reports.figures import tone_map"),
+    (REPORT, "from .figures import tone_map"),
+]
+
+
+@pytest.mark.parametrize(("module", "source"), ALLOWED)
+def test_the_walk_lets_the_other_arrows_pass(module, source):
+    assert forbidden(module, module.rpartition(".")[0], source) == []

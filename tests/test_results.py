@@ -1,0 +1,149 @@
+"""What a run leaves on disk: whole files, read back as they were written."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from glossbench.errors import InputError
+from glossbench.ground_truth import Reference
+from glossbench.results import Results, key_of, replacing
+from glossbench.shading import Image
+
+
+@pytest.fixture
+def results(tmp_path) -> Results:
+    made = Results(tmp_path / "results")
+    made.create()
+    return made
+
+
+def hidden(folder: Path) -> list[str]:
+    return [path.name for path in folder.rglob(".*")]
+
+
+def dead_process() -> int:
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
+
+
+def test_a_key_does_not_depend_on_the_order_of_mappings_but_on_that_of_lists():
+    assert key_of([{"a": 1, "b": 2}]) == key_of([{"b": 2, "a": 1}])
+    assert key_of(["a", "b"]) != key_of(["b", "a"])
+
+
+def test_a_file_that_is_replaced_appears_only_when_all_is_written(tmp_path):
+    target = tmp_path / "file"
+    target.write_text("old")
+
+    with replacing(target) as part:
+        part.write_text("new")
+        before = target.read_text()
+
+    assert (before, target.read_text(), hidden(tmp_path)) == ("old", "new", [])
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_a_write_that_breaks_leaves_the_old_file_and_no_other(tmp_path, error):
+    target = tmp_path / "file"
+    target.write_text("old")
+
+    def write() -> None:
+        with replacing(target) as part:
+            part.write_text("half")
+            raise error
+
+    with pytest.raises(error):
+        write()
+
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert target.read_text() == "old"
+
+
+def test_a_cell_is_read_back_bit_for_bit(results):
+    row = {"key": "k", "rms": 0.1 + 0.2, "nothing": float("nan"), "text": "ä\n[/x]", "n": 3, "floor": True}
+    radiance = torch.rand(3, 4, 3, generator=torch.Generator().manual_seed(1)) * 1e4
+    pattern = np.array([[0.1, 0.2]], dtype=np.float32)
+
+    results.add_cell(row, Image(radiance, torch.ones(3, 4, dtype=torch.bool)), pattern)
+
+    again = results.cell("k")
+    assert np.isnan(again.pop("nothing"))
+    assert again == {key: value for key, value in row.items() if key != "nothing"}
+    assert results.image("k").tobytes() == radiance.numpy().tobytes()
+    assert results.half_vectors("k").tobytes() == pattern.tobytes()
+    assert hidden(results.folder) == []
+
+
+def test_a_reference_is_read_back_in_single_precision(results):
+    generator = torch.Generator().manual_seed(2)
+    radiance, error = torch.rand(2, 5, 4, 3, generator=generator, dtype=torch.float64)
+    mask = torch.rand(5, 4, generator=generator) < 0.5
+
+    results.add_reference("k", Reference(radiance, error, mask, 2048), 1.5)
+
+    assert results.has_reference("k")
+    assert results.reference("k").tobytes() == radiance.float().numpy().tobytes()
+    assert results.standard_error("k").tobytes() == error.float().numpy().tobytes()
+    assert (results.mask("k") == mask.numpy()).all()
+    assert results.reference_numbers("k") == {"n_samples": 2048, "seconds": 1.5}
+    assert hidden(results.folder) == []
+
+
+@pytest.mark.parametrize("suffix", ["images/k.exr", "references/k.exr", "references/k_mask.png"])
+def test_a_cell_counts_as_done_only_by_its_row(results, suffix):
+    (results.folder / suffix).touch()
+
+    assert not results.has_cell("k")
+    assert not results.has_reference("k")
+
+
+def test_text_that_looks_like_a_number_stays_text_in_the_study(results):
+    study = {"title": "1e-3", "source": "yes", "question": "12:30", "seed": 3, "x": 1e-7, "y": 1e-3}
+
+    results.finish(study, [{"key": "k"}], {})
+
+    assert results.study == study
+
+
+def test_what_a_killed_writer_left_is_removed(results):
+    writer = dead_process()
+    left = [f"cells/.{writer}.k.json", f"images/..{writer}.k.exr.0a1b.part", f".{os.getpid()}.cells.parquet"]
+    for name in left:
+        (results.folder / name).write_text("half")
+
+    results.create()
+
+    assert hidden(results.folder) == []
+
+
+def test_what_a_living_writer_writes_is_spared(results):
+    """Twin of the above: another process is at work in the same folder."""
+    kept = [f".{os.getppid()}.k.json", ".gitignore", ".2024.d"]
+    (results.folder / "cells" / kept[2]).mkdir()
+    for name in kept[:2]:
+        (results.folder / "cells" / name).write_text("half")
+
+    results.create()
+
+    assert sorted(hidden(results.folder)) == sorted(kept)
+
+
+@pytest.mark.parametrize("path", ["file", "file/below", "file/much/below"])
+def test_a_file_in_the_way_of_the_folder_is_an_error(tmp_path, path):
+    (tmp_path / "file").write_text("here")
+
+    with pytest.raises(InputError, match=r"^cannot write results to .*: (File exists|Not a directory)$"):
+        Results(tmp_path / path).create()
+
+    assert (tmp_path / "file").read_text() == "here"
+
+
+def test_a_folder_without_results_is_an_error(tmp_path):
+    with pytest.raises(InputError, match=r"holds no results: there is no cells.parquet in it$"):
+        Results.open(tmp_path)
