@@ -6,57 +6,50 @@ here. A method that raises breaks the check in which it does.
 """
 
 import importlib
-import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
-from math import log, pi
-from typing import Any, NamedTuple
+from math import log
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from glossbench.brdf.ggx import GGX
-from glossbench.brdf.kurt import Kurt, KurtLobe
-from glossbench.brdf.material import MATERIALS, Material
-from glossbench.directions import Vec3, cross, normalize, points_2d, spherical, to_world
-from glossbench.envmap.cubemap import CubeMap, face_coordinates, texel_directions
+from glossbench.contract_cases import (
+    FURNACE_MATERIALS,
+    GENERAL_MATERIALS,
+    HARD_MATERIALS,
+    Shader,
+    Truth,
+    UnknownScene,
+    at_its_best,
+    general_material,
+    general_points,
+    hard_points,
+    label_of,
+    points_between,
+    registered_materials,
+    spots,
+    supported_of,
+    truth_for,
+    turn,
+    turn_light,
+    with_all_budget,
+)
+from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.synthetic import Constant, SingleTexel, Spots
 from glossbench.errors import InputError, nearest
-from glossbench.ground_truth import Reference, compute_reference
 from glossbench.options import option_names
-from glossbench.scene.points import ShadingPoints, View
+from glossbench.scene.points import ShadingPoints
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading import INPUTS, METHODS, Method, dependencies, stages_of
+from glossbench.shading import METHODS, Method
 
 Measured = tuple[bool | None, str]  # kept and measured of an Outcome
 
 # Float32 sums in another order. Measured over the methods here, largest change over the largest radiance:
 # 5e-7 for a sum of lights, and none at all for pieces of odd sizes and single points.
 ROUNDING = 1e-5
-
-FURNACE_MATERIALS: tuple[Material, ...] = (
-    Kurt(m=(0.1, 0.1)),
-    Kurt(m=(0.2, 0.075)),
-    Kurt(m=(0.4, 0.4), f0=(0.04, 0.04, 0.04), kd=(0.5, 0.4, 0.3)),
-    GGX(alpha=(0.3, 0.3), f0=(1.0, 0.7, 0.3)),
-)
-# An anisotropic lobe, so that a frame that does not turn shows.
-GENERAL_MATERIALS: tuple[Material, ...] = (
-    Kurt(m=(0.3, 0.15)),
-    GGX(alpha=(0.3, 0.15)),
-    Kurt(m=(0.3, 0.3)),
-    GGX(alpha=(0.3, 0.3)),
-)
-HARD_MATERIALS: tuple[Material, ...] = (
-    Kurt(m=(1e-3, 1e-3)),
-    Kurt(m=(1.0, 1.0), shadowing=1.0),
-    Kurt(m=(1.0, 1e-3), kd=(1.0, 1.0, 1.0)),
-    Kurt(lobes=(KurtLobe(m=(0.01, 0.01)), KurtLobe(m=(0.5, 0.5), ks=(0.0, 0.5, 1.0)))),
-    GGX(alpha=(1e-3, 1e-3)),
-    GGX(alpha=(1.0, 1.0), f0=(0.0, 0.0, 0.0)),
-)
 
 
 @dataclass(frozen=True)
@@ -72,68 +65,6 @@ class Outcome:
     check: str
     kept: bool | None
     measured: str
-
-
-class Truth(NamedTuple):
-    """A light, a material, points and their converged radiance."""
-
-    light: CubeMap
-    material: Material
-    points: ShadingPoints
-    reference: Reference
-
-
-class GivenPoints(View):
-    """Points as an image of one row, on the unit sphere."""
-
-    def __init__(self, points: ShadingPoints) -> None:
-        object.__setattr__(self, "given", points)
-
-    # Two views of other points are not the same view, although no option tells them apart.
-    def __eq__(self, other: object) -> bool:
-        return self is other
-
-    def __hash__(self) -> int:
-        return id(self)
-
-    def mask(self) -> Tensor:
-        """All true, (1, P)."""
-        return torch.ones(1, len(self.points()), dtype=torch.bool)
-
-    def points(self) -> ShadingPoints:
-        """The points."""
-        given: ShadingPoints = vars(self)["given"]
-        return given
-
-    def scene(self) -> UnitSphere:
-        """The unit sphere: turned, it is itself."""
-        return UnitSphere()
-
-
-@dataclass(frozen=True)
-class UnknownScene:
-    """Geometry that no method has heard of."""
-
-
-class Shader:
-    """A method under a light, ready for any points: for others, only stages that need the view are redone."""
-
-    def __init__(self, method: Method, light: CubeMap, material: Material) -> None:
-        self.method, self.light, self.material = method, light, material
-        self.kept: dict[str, Any] = {}
-
-    def __call__(self, points: ShadingPoints) -> Tensor:
-        view = GivenPoints(points)
-        values = dict(zip(INPUTS, (self.light, self.material, view.scene(), view), strict=True))
-        stages = stages_of(type(self.method))
-        depends = dependencies(stages)
-        for name, stage in stages.items():
-            if name not in self.kept or "view" in depends[name]:
-                needed = {n: (values | self.kept)[n] for n in stage.needs}
-                self.kept[name] = stage.function(self.method, **needed)
-        values |= self.kept | {"points": points}
-        wanted = inspect.signature(self.method.shade).parameters
-        return self.method.shade(**{name: values[name] for name in wanted})
 
 
 def check_contract(name: str) -> list[Outcome]:
@@ -193,14 +124,14 @@ def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outco
 def check_furnace(method: Method) -> Measured:
     """Constant light comes back times the directional albedo; RMS error over the mean, the worst material."""
     accurate, points, light = (
-        _largest(_accurate(method)),
+        with_all_budget(at_its_best(method)),
         general_points(),
         Constant(radiance=(2.5, 2.5, 2.5)).cubemap(),
     )
     errors = {}
-    for material in _supported(method, FURNACE_MATERIALS):
+    for material in supported_of(method, FURNACE_MATERIALS):
         expected = 2.5 * material.albedo(points.wo_local())
-        errors[_label(material)] = _relative(Shader(accurate, light, material)(points), expected)
+        errors[label_of(material)] = _relative(Shader(accurate, light, material)(points), expected)
     if not errors:
         return None, "none of the materials is supported"
     # max() of a NaN and a number may be either.
@@ -214,7 +145,7 @@ def check_linear(method: Method) -> Measured:
     """The image of a sum of lights is the sum of their images, that of a threefold light threefold."""
     if not method.contract.linear:
         return None, "not claimed"
-    material, points = _general_material(method), general_points()
+    material, points = general_material(method), general_points()
     one, two = spots(3), spots(4)
     a, b, total, triple = (
         Shader(method, CubeMap(faces, key), material)(points).double()
@@ -233,8 +164,8 @@ def check_linear(method: Method) -> Measured:
 def check_turns(method: Method) -> Measured:
     """Light and points turned by 90 degrees about x, y and z show the same; RMS change over the mean."""
     accurate, material, points, light = (
-        _largest(method),
-        _general_material(method),
+        with_all_budget(method),
+        general_material(method),
         general_points(),
         spots(3),
     )
@@ -258,7 +189,7 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
     if option not in option_names(type(method)):
         return False, f"the contract's budget is {option!r}, which is no option"
     truth = truth or truth_for(method)
-    accurate = _accurate(method)
+    accurate = at_its_best(method)
     samples, errors = [], []
     for value in values:
         budgeted = replace(accurate, **{option: value})
@@ -287,13 +218,13 @@ def check_finite(method: Method) -> Measured:
     }
     points, n = hard_points(), 0
     for label, light in lights.items():
-        for material in _supported(method, HARD_MATERIALS):
+        for material in supported_of(method, HARD_MATERIALS):
             image = Shader(method, light, material)(points)
             n_bad = int((~torch.isfinite(image)).any(-1).sum())
             if n_bad:
-                return False, f"{n_bad} of {len(points)} points not finite: {label}, {_label(material)}"
+                return False, f"{n_bad} of {len(points)} points not finite: {label}, {label_of(material)}"
             if not light.faces.any() and image.any():
-                return False, f"{float(image.abs().max()):.1e} under a black map, {_label(material)}"
+                return False, f"{float(image.abs().max()):.1e} under a black map, {label_of(material)}"
             n += 1
     return (True, f"{n} lights and materials") if n else (None, "none of the materials is supported")
 
@@ -313,10 +244,10 @@ def check_one_by_one(method: Method) -> Measured:
 def _in_pieces(method: Method, sizes: list[int]) -> Measured:
     """Pieces of these sizes against all points at once."""
     points = general_points(sum(sizes))
-    shader = Shader(method, spots(3), _general_material(method))
+    shader = Shader(method, spots(3), general_material(method))
     whole = shader(points)
     stops = np.cumsum(sizes).tolist()
-    pieces = [shader(_slice(points, stop - size, stop)) for size, stop in zip(sizes, stops, strict=True)]
+    pieces = [shader(points_between(points, stop - size, stop)) for size, stop in zip(sizes, stops, strict=True)]
     error = _largest_change(torch.cat(pieces), whole)
     return error <= ROUNDING, f"{error:.1e} of the brightest, at most {ROUNDING:g}"
 
@@ -324,7 +255,7 @@ def _in_pieces(method: Method, sizes: list[int]) -> Measured:
 @_check("shape and type")
 def check_shape(method: Method) -> Measured:
     """P points give (P, 3), float32."""
-    shader = Shader(method, spots(3), _general_material(method))
+    shader = Shader(method, spots(3), general_material(method))
     for n in (5, 1):
         image = shader(general_points(n))
         if not isinstance(image, Tensor):
@@ -338,7 +269,7 @@ def check_shape(method: Method) -> Measured:
 @_check("pure")
 def check_pure(method: Method) -> Measured:
     """The same call gives the same bytes, from the same stages and from new ones; nothing is written to."""
-    material, points, light = _general_material(method), general_points(), spots(3)
+    material, points, light = general_material(method), general_points(), spots(3)
     shader = Shader(method, light, material)
     images = [shader(points).clone(), shader(points).clone(), Shader(method, light, material)(points)]
     if not torch.equal(light.faces, spots(3).faces):
@@ -357,13 +288,13 @@ def check_pure(method: Method) -> Measured:
 @_check("says what it cannot show")
 def check_supports(method: Method) -> Measured:
     """`supports` gives None or a reason for any material and scene; what it supports, it can shade."""
-    materials = [*_registered_materials(), *FURNACE_MATERIALS, *GENERAL_MATERIALS, *HARD_MATERIALS]
+    materials = [*registered_materials(), *FURNACE_MATERIALS, *GENERAL_MATERIALS, *HARD_MATERIALS]
     reasons, n = [], 0
     for scene in (UnitSphere(), UnknownScene()):
         for material in materials:
             reason = method.supports(material, scene)
             if not (reason is None or (isinstance(reason, str) and reason.strip())):
-                return False, f"{reason!r} for {_label(material)}, must be None or a reason"
+                return False, f"{reason!r} for {label_of(material)}, must be None or a reason"
             if reason is not None:
                 reasons.append(reason)
             elif isinstance(scene, UnitSphere):
@@ -386,100 +317,6 @@ CHECKS: tuple[Callable[..., Outcome], ...] = (
 )
 
 
-def truth_for(method: Method) -> Truth:
-    """The truth that convergence is measured against; its noise is at most 0.1 % of the mean."""
-    light, material, points = spots(3), _general_material(method), general_points(100)
-    return Truth(light, material, points, compute_reference(light, material, GivenPoints(points)))
-
-
-def spots(seed: int) -> CubeMap:
-    """Small lights, of moderate contrast, so that errors of a few samples are errors of all pixels."""
-    return Spots(seed=seed, resolution=32, contrast=100.0).cubemap()
-
-
-def general_points(n: int = 200) -> ShadingPoints:
-    """Points all over the sphere, seen from all sides with cos_o in [0.05, 1], tangents turned anyhow."""
-    u, v = points_2d(n, "r2").double(), points_2d(n, "random", seed=1).double()
-    azimuth = 2 * pi * points_2d(n, "random", seed=2).double()[:, 0]
-    normal = spherical(torch.acos(1 - 2 * u[:, 0]), 2 * pi * u[:, 1])
-    return _points(normal, 0.05 + 0.95 * v[:, 0], 2 * pi * v[:, 1], azimuth)
-
-
-def hard_points() -> ShadingPoints:
-    """Normals to the faces, edges and corners of the cube, seen head-on, aslant and at cos_o = 1e-4."""
-    signs = torch.cartesian_prod(*[torch.tensor([-1.0, 0.0, 1.0], dtype=torch.float64)] * 3)
-    signs = signs[signs.any(1)].repeat(3, 1)
-    n = len(signs) // 3
-    cos_o = torch.tensor([1.0, 0.5, 1e-4], dtype=torch.float64).repeat_interleave(n)
-    azimuth = torch.arange(3 * n, dtype=torch.float64)
-    return _points(normalize(Vec3(*signs.T)), cos_o, torch.zeros(3 * n, dtype=torch.float64), azimuth)
-
-
-def _points(n: Vec3, cos_o: Tensor, tangent: Tensor, azimuth: Tensor) -> ShadingPoints:
-    upright = n.y.abs() > 0.9
-    up = Vec3(upright.double(), (~upright).double(), torch.zeros_like(n.x))
-    t = normalize(cross(up, n))
-    t = to_world(spherical(torch.full_like(n.x, pi / 2), tangent), t, cross(n, t), n)
-    b = cross(n, t)
-    wo = to_world(spherical(torch.acos(cos_o), azimuth), t, b, n)
-    return ShadingPoints(*(Vec3(*(c.float() for c in v)) for v in (t, b, n, wo)))
-
-
-def turn(v: Vec3, axis: int) -> Vec3:
-    """v turned by +90 degrees about a coordinate axis: exact, a permutation with one sign."""
-    turned = list(v)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    turned[i], turned[j] = -v[j], v[i]
-    return Vec3(*turned)
-
-
-def turn_light(light: CubeMap, axis: int) -> CubeMap:
-    """The light turned by +90 degrees about a coordinate axis: each texel moves to one texel, unchanged."""
-    r = light.resolution
-    source = texel_directions(r)
-    for _ in range(3):  # L'(d) = L(R^-1 d), and R^-1 = R^3
-        source = turn(source, axis)
-    face, s, t, _ = face_coordinates(source)
-    column, row = (((c + 1) * (r / 2)).long().clamp(0, r - 1) for c in (s, t))
-    return CubeMap(light.faces[face.long(), row, column], f"{light.key} turned about {'xyz'[axis]}")
-
-
-def _slice(points: ShadingPoints, start: int, stop: int) -> ShadingPoints:
-    return ShadingPoints(*(Vec3(*(c[start:stop] for c in v)) for v in vars(points).values()))
-
-
-def _registered_materials() -> Iterator[Material]:
-    for name in MATERIALS.names():
-        try:
-            yield MATERIALS.create(name, {})
-        except InputError:
-            continue  # needs options, such as a file
-
-
-def _supported(method: Method, materials: tuple[Material, ...]) -> list[Material]:
-    return [material for material in materials if method.supports(material, UnitSphere()) is None]
-
-
-def _general_material(method: Method) -> Material:
-    for material in _supported(method, GENERAL_MATERIALS):
-        return material
-    reason = method.supports(GENERAL_MATERIALS[0], UnitSphere())
-    raise InputError(f"supports none of the {len(GENERAL_MATERIALS)} materials of the check: {reason}")
-
-
-def _accurate(method: Method) -> Method:
-    """The method with the options under which it promises accuracy."""
-    return replace(method, **method.contract.options)
-
-
-def _largest(method: Method) -> Method:
-    """The method with the largest budget of its contract, or as it is where it has no budget."""
-    budget = method.contract.budget
-    if budget is None or budget[0] not in option_names(type(method)):
-        return method
-    return replace(method, **{budget[0]: max(budget[1])})
-
-
 def _relative(image: Tensor, expected: Tensor) -> float:
     """RMS of the difference over the mean; 0 for two black images."""
     rms = float((image.double() - expected.double()).square().mean().sqrt())
@@ -490,9 +327,3 @@ def _largest_change(image: Tensor, expected: Tensor) -> float:
     """The largest difference over the largest value; 0 for two black images."""
     change = float((image.double() - expected.double()).abs().max())
     return change / float(expected.abs().max()) if change else 0.0
-
-
-def _label(material: Material) -> str:
-    """A material in a few words: its name and its widths."""
-    widths = material.as_dict().get("m") or material.as_dict().get("alpha") or ()
-    return " ".join([material.name, *(f"{w:g}" for w in widths)])

@@ -1,10 +1,8 @@
 """The HTML report of a study: one file, read from what the run left on disk, that opens without a network."""
 
-import json
 import os
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -19,69 +17,20 @@ from glossbench.metrics import METRICS
 from glossbench.results import Results
 
 from . import figures
+from .cells import Cell, Group, grouped, listed, parsed
 
 MANY_CELLS = 24  # beyond it a group of images shows three budgets a method
 MANY_PATTERNS = 12
 CLIPPED_SHARE = 0.5  # percent of the pixels that may lie beyond the scale of the error maps
 WHITE = 99.0  # percentile of the reference that the exposure brings to white
-KINDS = ("light", "material", "view")
-JSON = (*(f"{kind}_options" for kind in KINDS), "options", "tuned", "stage_seconds", "update_seconds")
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One row of the table, with its names.
-
-    Attributes:
-        row: the row of cells.parquet; JSON columns parsed, missing values None.
-        options: those that tell it from the other cells of its method, budget and tuned ones aside; or "".
-        index: the place of this method with these options in the study.
-    """
-
-    row: Mapping[str, Any]
-    options: str
-    index: int
-
-    @property
-    def name(self) -> str:
-        """Method and options: one line of a plot."""
-        return f"{self.row['method']} ({self.options})" if self.options else str(self.row["method"])
-
-    @property
-    def done(self) -> bool:
-        """True where there is an image."""
-        return bool(self.row["status"] == "done")
-
-
-@dataclass(frozen=True)
-class Group:
-    """The cells of one light, material and view, which share a reference.
-
-    Attributes:
-        title: the names, with the options that tell them from others.
-        options: all options of light, material and view.
-        reference: values of the reference's columns; empty where no cell was done.
-        best: keys of the best cells by metric.
-    """
-
-    title: str
-    options: Mapping[str, Mapping[str, Any]]
-    cells: Sequence[Cell]
-    reference: Mapping[str, Any]
-    best: Mapping[str, frozenset[str]]
-
-    @property
-    def done(self) -> list[Cell]:
-        """The cells that have an image."""
-        return [cell for cell in self.cells if cell.done]
 
 
 def write_report(folder: Path) -> Path:
     """Writes report.html into a folder of results, whole or not at all, and returns its path."""
     results = Results(folder)
-    rows = [_parsed(row) for row in results.cells.to_dict("records")]
+    rows = [parsed(row) for row in results.cells.to_dict("records")]
     metrics = [name for name in results.cells.columns if name in _metrics(results.study)]
-    groups = _groups(rows, metrics)
+    groups = grouped(rows, metrics)
     templates = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         autoescape=True,
@@ -90,7 +39,7 @@ def write_report(folder: Path) -> Path:
         lstrip_blocks=True,
     )
     templates.filters |= {"number": figures.number, "count": _count, "samples": _samples}
-    templates.filters |= {"options": _options, "breakable": _breakable}
+    templates.filters |= {"options": listed, "breakable": _breakable}
     page = templates.get_template("report.html").render(
         study=results.study,
         study_yaml=yaml.safe_dump(results.study, sort_keys=False, allow_unicode=True),
@@ -115,91 +64,11 @@ def write_report(folder: Path) -> Path:
     return path
 
 
-def _parsed(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row with None for what is missing and values for what is JSON."""
-    parsed = {key: None if isinstance(v, float) and np.isnan(v) else v for key, v in row.items()}
-    for key in JSON:
-        parsed[key] = json.loads(parsed.get(key) or "{}")
-    return parsed
-
-
 def _metrics(study: Mapping[str, Any]) -> dict[str, Any]:
     """Metrics by name: the registered class, or None for one whose plug-in is not installed here."""
     entries = [[entry] if isinstance(entry, str) else entry for entry in study.get("metrics") or ()]
     asked = dict.fromkeys(name for entry in entries for name in entry)
     return asked | {name: METRICS.get(name) for name in METRICS.names()}
-
-
-def _groups(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Group]:
-    """Cells by light, material and view, in the order of the study."""
-    cells = _cells(rows)
-    names = {kind: _names(kind, rows) for kind in KINDS}
-
-    def place(cell: Cell) -> tuple[int, ...]:
-        return tuple(list(names[kind]).index(_identity(kind, cell.row)) for kind in KINDS)
-
-    found = []
-    for _, members in groupby(sorted(cells, key=place), key=place):
-        group = sorted(members, key=lambda cell: (cell.index, cell.row["n_samples"] or 0))
-        first = next((cell.row for cell in group if cell.done), {})
-        title = ", ".join(names[kind][_identity(kind, group[0].row)] for kind in KINDS)
-        options = {kind: group[0].row[f"{kind}_options"] for kind in KINDS}
-        best = {metric: _best(metric, [cell.row for cell in group if cell.done]) for metric in metrics}
-        found.append(Group(title, options, group, first, best))
-    return found
-
-
-def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
-    """Rows as cells, each with the options that tell it from others of its method."""
-    told: dict[str, list[str]] = {}
-    for method in dict.fromkeys(row["method"] for row in rows):
-        own = [row for row in rows if row["method"] == method]
-        samples = [(row["options"], row["n_samples"]) for row in own if row["status"] == "done"]
-        budgets = {"samples"} | {key for row in own for key in row["tuned"]}
-        told[method] = [
-            key
-            for key in _differing([row["options"] for row in own])
-            if key not in budgets and not (samples and all(options.get(key) == n for options, n in samples))
-        ]
-    order: dict[tuple[str, str], int] = {}
-    cells = []
-    for row in rows:
-        text = _options({key: row["options"].get(key) for key in told[row["method"]]})
-        cells.append(Cell(row, text, order.setdefault((row["method"], text), len(order))))
-    return cells
-
-
-def _identity(kind: str, row: Mapping[str, Any]) -> str:
-    return json.dumps([row[kind], row[f"{kind}_options"]], sort_keys=True)
-
-
-def _names(kind: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """The name of each light, material or view, with the options in which those of one name differ."""
-    known = {_identity(kind, row): row for row in rows}
-    named = {}
-    for identity, row in known.items():
-        alike = [other[f"{kind}_options"] for other in known.values() if other[kind] == row[kind]]
-        text = _options({key: row[f"{kind}_options"].get(key) for key in _differing(alike)})
-        named[identity] = f"{row[kind]} ({text})" if text else str(row[kind])
-    return named
-
-
-def _differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Keys, in order, whose value is not the same in all."""
-    keys = dict.fromkeys(key for each in options for key in each)
-    return [key for key in keys if len({json.dumps(each.get(key)) for each in options}) > 1]
-
-
-def _options(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} {_value(value)}" for key, value in options.items())
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}".replace("-", "−")
-    if isinstance(value, list):
-        return f"[{', '.join(_value(each) for each in value)}]"
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _count(value: float | None) -> str:
@@ -216,17 +85,6 @@ def _samples(value: float) -> str:
 def _breakable(name: str) -> Markup:
     """A name that a line may break after its underscores."""
     return escape(name).replace("_", Markup("_<wbr>"))
-
-
-def _best(metric: str, rows: Sequence[Mapping[str, Any]]) -> frozenset[str]:
-    """Keys of the cells with the best value; all that the reference cannot tell apart share the place."""
-    floor = frozenset(row["key"] for row in rows if row["at_noise_floor"])
-    values = {row["key"]: abs(row[metric]) for row in rows if row[metric] is not None}
-    if floor or not values:
-        return floor
-    registered = METRICS.get(metric) if metric in METRICS.names() else None
-    ends = min if registered is None or registered.lower_is_better else max
-    return frozenset(key for key, value in values.items() if value == ends(values.values()))
 
 
 def _plots(group: Group, name: str) -> list[Markup]:

@@ -12,8 +12,6 @@ from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.material import Material
 from glossbench.contract import (
     CHECKS,
-    FURNACE_MATERIALS,
-    GivenPoints,
     Outcome,
     check_chunks,
     check_contract,
@@ -26,6 +24,10 @@ from glossbench.contract import (
     check_shape,
     check_supports,
     check_turns,
+)
+from glossbench.contract_cases import (
+    FURNACE_MATERIALS,
+    GivenPoints,
     general_points,
     hard_points,
     truth_for,

@@ -1,0 +1,163 @@
+"""The cells of a study as a report shows them: grouped by what they share, named by what tells them apart."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from glossbench.metrics import METRICS
+
+KINDS = ("light", "material", "view")
+JSON = (*(f"{kind}_options" for kind in KINDS), "options", "tuned", "stage_seconds", "update_seconds")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One row of the table, with its names.
+
+    Attributes:
+        row: the row of cells.parquet; JSON columns parsed, missing values None.
+        options: those that tell it from the other cells of its method, budget and tuned ones aside; or "".
+        index: the place of this method with these options in the study.
+    """
+
+    row: Mapping[str, Any]
+    options: str
+    index: int
+
+    @property
+    def name(self) -> str:
+        """Method and options: one line of a plot."""
+        return f"{self.row['method']} ({self.options})" if self.options else str(self.row["method"])
+
+    @property
+    def done(self) -> bool:
+        """True where there is an image."""
+        return bool(self.row["status"] == "done")
+
+
+@dataclass(frozen=True)
+class Group:
+    """The cells of one light, material and view, which share a reference.
+
+    Attributes:
+        title: the names, with the options that tell them from others.
+        options: all options of light, material and view.
+        reference: values of the reference's columns; empty where no cell was done.
+        best: keys of the best cells by metric.
+    """
+
+    title: str
+    options: Mapping[str, Mapping[str, Any]]
+    cells: Sequence[Cell]
+    reference: Mapping[str, Any]
+    best: Mapping[str, frozenset[str]]
+
+    @property
+    def done(self) -> list[Cell]:
+        """The cells that have an image."""
+        return [cell for cell in self.cells if cell.done]
+
+
+def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row with None for what is missing and values for what is JSON."""
+    parsed = {key: None if isinstance(v, float) and np.isnan(v) else v for key, v in row.items()}
+    for key in JSON:
+        parsed[key] = json.loads(parsed.get(key) or "{}")
+    return parsed
+
+
+def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Group]:
+    """Cells by light, material and view, in the order of the study."""
+    cells = _cells(rows)
+    names = {kind: _names(kind, rows) for kind in KINDS}
+
+    def place(cell: Cell) -> tuple[int, ...]:
+        return tuple(list(names[kind]).index(_identity(kind, cell.row)) for kind in KINDS)
+
+    found = []
+    for _, members in groupby(sorted(cells, key=place), key=place):
+        group = sorted(members, key=lambda cell: (cell.index, cell.row["n_samples"] or 0))
+        first = next((cell.row for cell in group if cell.done), {})
+        title = ", ".join(names[kind][_identity(kind, group[0].row)] for kind in KINDS)
+        options = {kind: group[0].row[f"{kind}_options"] for kind in KINDS}
+        best = {metric: _best(metric, [cell.row for cell in group if cell.done]) for metric in metrics}
+        found.append(Group(title, options, group, first, best))
+    return found
+
+
+def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
+    """Rows as cells, each with the options that tell it from others of its method."""
+    told: dict[str, list[str]] = {}
+    for method in dict.fromkeys(row["method"] for row in rows):
+        own = [row for row in rows if row["method"] == method]
+        samples = [(row["options"], row["n_samples"]) for row in own if row["status"] == "done"]
+        budgets = {"samples"} | {key for row in own for key in row["tuned"]}
+        told[method] = [
+            key
+            for key in _differing([row["options"] for row in own])
+            if key not in budgets
+            and not (samples and all(options.get(key) == n for options, n in samples))
+            and not _follows_budget(key, [row["options"] for row in own])
+        ]
+    order: dict[tuple[str, str], int] = {}
+    cells = []
+    for row in rows:
+        text = listed({key: row["options"].get(key) for key in told[row["method"]]})
+        cells.append(Cell(row, text, order.setdefault((row["method"], text), len(order))))
+    return cells
+
+
+def _follows_budget(key: str, options: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether the budget alone decides an option, as where a study pairs them: then it tells no two lines apart."""
+    values: dict[str, set[str]] = {}
+    for each in options:
+        values.setdefault(json.dumps(each.get("samples")), set()).add(json.dumps(each.get(key)))
+    return len(values) > 1 and all(len(found) == 1 for found in values.values())
+
+
+def _identity(kind: str, row: Mapping[str, Any]) -> str:
+    return json.dumps([row[kind], row[f"{kind}_options"]], sort_keys=True)
+
+
+def _names(kind: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """The name of each light, material or view, with the options in which those of one name differ."""
+    known = {_identity(kind, row): row for row in rows}
+    named = {}
+    for identity, row in known.items():
+        alike = [other[f"{kind}_options"] for other in known.values() if other[kind] == row[kind]]
+        text = listed({key: row[f"{kind}_options"].get(key) for key in _differing(alike)})
+        named[identity] = f"{row[kind]} ({text})" if text else str(row[kind])
+    return named
+
+
+def _differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Keys, in order, whose value is not the same in all."""
+    keys = dict.fromkeys(key for each in options for key in each)
+    return [key for key in keys if len({json.dumps(each.get(key)) for each in options}) > 1]
+
+
+def listed(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} {_value(value)}" for key, value in options.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}".replace("-", "−")
+    if isinstance(value, list):
+        return f"[{', '.join(_value(each) for each in value)}]"
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _best(metric: str, rows: Sequence[Mapping[str, Any]]) -> frozenset[str]:
+    """Keys of the cells with the best value; all that the reference cannot tell apart share the place."""
+    floor = frozenset(row["key"] for row in rows if row["at_noise_floor"])
+    values = {row["key"]: abs(row[metric]) for row in rows if row[metric] is not None}
+    if floor or not values:
+        return floor
+    registered = METRICS.get(metric) if metric in METRICS.names() else None
+    ends = min if registered is None or registered.lower_is_better else max
+    return frozenset(key for key, value in values.items() if value == ends(values.values()))
