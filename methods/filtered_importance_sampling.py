@@ -67,10 +67,6 @@ class FilteredImportanceSampling(Method):
     pyramid = pyramid
     irradiance = irradiance
 
-    def half_vectors(self, material: Material) -> Tensor | None:
-        """Not drawn: visible normals depend on the view."""
-        return None
-
     def shade(self, points: ShadingPoints, material: Material, pyramid: Environment, irradiance: Tensor) -> Tensor:
         """Radiance (P, 3)."""
         reflectance = material.reflectance(points.device)

@@ -156,11 +156,14 @@ def lobe_area(wo: Vec3, u: Vec3, v: Vec3) -> Tensor:
     """A = pi tan(alpha_U) tan(alpha_V): area of the lobe's cross section at unit distance, eq. 14 and 15.
 
     alpha is the angle from the mirror direction to the reflection at an extreme half vector, at most 85 degrees:
-    towards pi/2 the tangent has a pole and beyond it is negative. tan = sqrt(1 - cos^2) / cos.
+    towards pi/2 the tangent has a pole and beyond it is negative. From the chord e between them, cos = 1 - e^2 / 2:
+    in float32 a cosine near 1 has no digits left for small lobes and grazing views.
     """
     centre = Vec3(-wo.x, -wo.y, wo.z)
-    cosines = (dot(centre, reflect(wo, edge)).clamp(cos(radians(85)), 1) for edge in (u, v))
-    tangents = [torch.sqrt((1 - c * c).clamp(min=1e-12)) / c for c in cosines]
+    ends = (reflect(wo, edge) for edge in (u, v))
+    chords = (Vec3(e.x - centre.x, e.y - centre.y, e.z - centre.z) for e in ends)
+    squares = [dot(e, e).clamp(1e-12, 2 - 2 * cos(radians(85))) for e in chords]
+    tangents = [torch.sqrt(e2 * (1 - e2 / 4)) / (1 - e2 / 2) for e2 in squares]
     return pi * tangents[0] * tangents[1]
 
 
