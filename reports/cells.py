@@ -21,17 +21,19 @@ class Cell:
     Attributes:
         row: the row of cells.parquet; JSON columns parsed, missing values None.
         options: those that tell it from the other cells of its method, budget and tuned ones aside; or "".
-        index: the place of this method with these options in the study.
+        index: the place in the study of this method with the options of its line.
+        line: the options without those that the budget decides: what tells the lines of a plot apart.
     """
 
     row: Mapping[str, Any]
     options: str
     index: int
+    line: str = ""
 
     @property
     def name(self) -> str:
         """Method and options: one line of a plot."""
-        return f"{self.row['method']} ({self.options})" if self.options else str(self.row["method"])
+        return f"{self.row['method']} ({self.line})" if self.line else str(self.row["method"])
 
     @property
     def done(self) -> bool:
@@ -92,6 +94,7 @@ def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Grou
 def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
     """Rows as cells, each with the options that tell it from others of its method."""
     told: dict[str, list[str]] = {}
+    paired: dict[str, list[str]] = {}
     for method in dict.fromkeys(row["method"] for row in rows):
         own = [row for row in rows if row["method"] == method]
         samples = [(row["options"], row["n_samples"]) for row in own if row["status"] == "done"]
@@ -99,15 +102,16 @@ def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
         told[method] = [
             key
             for key in _differing([row["options"] for row in own])
-            if key not in budgets
-            and not (samples and all(options.get(key) == n for options, n in samples))
-            and not _follows_budget(key, [row["options"] for row in own])
+            if key not in budgets and not (samples and all(options.get(key) == n for options, n in samples))
         ]
+        paired[method] = [key for key in told[method] if _follows_budget(key, [row["options"] for row in own])]
     order: dict[tuple[str, str], int] = {}
     cells = []
     for row in rows:
-        text = listed({key: row["options"].get(key) for key in told[row["method"]]})
-        cells.append(Cell(row, text, order.setdefault((row["method"], text), len(order))))
+        own_options = {key: row["options"].get(key) for key in told[row["method"]]}
+        line = listed({key: value for key, value in own_options.items() if key not in paired[row["method"]]})
+        index = order.setdefault((row["method"], line), len(order))
+        cells.append(Cell(row, listed(own_options), index, line))
     return cells
 
 

@@ -79,8 +79,7 @@ def albedo_by_slopes(model, widths, wo, f0=1.0, shadowing=0.0, n=256, cosine=Tru
     else:
         D = 1 / (pi * w_x * w_y * cos_h**4 * (1 + t * t) ** 2)
         tails = [
-            (np.sqrt(1 + ((w_x * v[0]) ** 2 + (w_y * v[1]) ** 2) / z**2) - 1) / 2
-            for v, z in ((wo, wo[2]), (wi, cos_i))
+            (np.sqrt(1 + ((w_x * v[0]) ** 2 + (w_y * v[1]) ** 2) / z**2) - 1) / 2 for v, z in ((wo, wo[2]), (wi, cos_i))
         ]
         f = D / (4 * cos_i * wo[2] * (1 + tails[0] + tails[1]))
     f = f * (f0 + (1 - f0) * (1 - c) ** 5)
@@ -142,11 +141,7 @@ def integrate_cells(pdf, wo, theta, phi, azimuth, n_nodes=10):
     t = ((theta[:-1] + theta[1:])[:, None] / 2 + half_t * node).reshape(-1, 1)
     p = ((phi[:-1] + phi[1:])[:, None] / 2 + half_p * node).reshape(1, -1) + azimuth
     wi = np.stack(np.broadcast_arrays(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)), axis=-1)
-    density = (
-        pdf(vectors([wo], torch.float64), vectors(wi.reshape(-1, 3), torch.float64))
-        .numpy()
-        .reshape(wi.shape[:2])
-    )
+    density = pdf(vectors([wo], torch.float64), vectors(wi.reshape(-1, 3), torch.float64)).numpy().reshape(wi.shape[:2])
     measure = (half_t * weight).reshape(-1, 1) * (half_p * weight).reshape(1, -1) * np.sin(t)
     shape = len(half_t), n_nodes, len(half_p), n_nodes
     return (density * measure).reshape(shape).sum((1, 3))
@@ -365,9 +360,7 @@ def test_integral_over_slopes_is_the_integral_over_light_directions(model, view)
     """Midpoint in cos_i and phi_i of the formula in angles: no half vector measure in it."""
     wo, widths, n = direction(*view), (0.5, 0.7), 96
     z, phi = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n * 2 * pi, indexing="ij")
-    wi = np.stack([np.sqrt(1 - z * z) * np.cos(phi), np.sqrt(1 - z * z) * np.sin(phi), z], axis=-1).reshape(
-        -1, 3
-    )
+    wi = np.stack([np.sqrt(1 - z * z) * np.cos(phi), np.sqrt(1 - z * z) * np.sin(phi), z], axis=-1).reshape(-1, 3)
     by_hand = kurt_by_hand if model == "kurt" else ggx_by_hand
 
     over_directions = np.mean([by_hand(wo, i, *widths) * i[2] for i in wi]) * 2 * pi
@@ -424,18 +417,14 @@ def test_fresnel_runs_from_f0_to_white_and_keeps_the_colour_of_ks():
     facing, middle, grazing = (lobe.F(torch.tensor(c)) for c in (1.0, 0.5, 0.0))
 
     assert [c.item() for c in facing] == pytest.approx([0.9, 0.25, 0.025])
-    assert [c.item() for c in middle] == pytest.approx(
-        [0.9 + 0.1 / 32, (0.5 + 0.5 / 32) / 2, (0.1 + 0.9 / 32) / 4]
-    )
+    assert [c.item() for c in middle] == pytest.approx([0.9 + 0.1 / 32, (0.5 + 0.5 / 32) / 2, (0.1 + 0.9 / 32) / 4])
     assert [c.item() for c in grazing] == pytest.approx([1.0, 0.5, 0.25])
 
 
 def test_grey_material_has_one_channel_and_a_coloured_one_three():
     up = vectors([[0.0, 0.0, 1.0]])
 
-    counts = [
-        len(m.f(up, up)) for m in (Kurt(f0=0.3), Kurt(f0=0.3, kd=(0.1, 0.2, 0.3)), GGX(ks=(1.0, 0.5, 0.1)))
-    ]
+    counts = [len(m.f(up, up)) for m in (Kurt(f0=0.3), Kurt(f0=0.3, kd=(0.1, 0.2, 0.3)), GGX(ks=(1.0, 0.5, 0.1)))]
 
     assert counts == [1, 3, 3]
 
@@ -450,9 +439,7 @@ def test_several_lobes_and_a_diffuse_part_add_up():
     kd = torch.tensor([0.1, 0.2, 0.3])
     parts = [torch.stack([c.expand(200) for c in Kurt(**o).f(wo, wi)]).expand(3, 200) for o in options]
     torch.testing.assert_close(f, sum(parts) + kd[:, None] / pi, rtol=1e-6, atol=0)
-    torch.testing.assert_close(
-        albedo, sum(Kurt(**o).albedo(wo) for o in options) + kd.double(), rtol=1e-6, atol=1e-9
-    )
+    torch.testing.assert_close(albedo, sum(Kurt(**o).albedo(wo) for o in options) + kd.double(), rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,10 @@ from scipy.special import erfcx
 from scipy.stats import f as f_distribution
 from scipy.stats import t as student
 
+from glossbench import ground_truth
 from glossbench.brdf.ggx import GGX
 from glossbench.brdf.kurt import Beckmann, Kurt
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.importance import LightDistribution
 from glossbench.envmap.synthetic import Constant, SingleTexel
 from glossbench.errors import InputError
 from glossbench.ground_truth import N_REPLICATES, compute_reference
@@ -135,7 +135,8 @@ def pixels():
 def sum_texels(glossy, faces, k=8, cosine=True):
     """Radiance (P, 3) of the view's pixels."""
     d, radiance, solid_angle = fine_light(faces, k)
-    weighted = radiance * solid_angle[:, None]
+    lit = radiance.any(axis=1)
+    d, weighted = d[lit], (radiance * solid_angle[:, None])[lit]
     image = []
     for frame in pixels():
         wi = d @ frame.T
@@ -166,11 +167,15 @@ MATERIALS = {
 CASES = [(light, material) for light in ("rough", "spot") for material in MATERIALS]
 
 
-@cache
-def exact(light, material, k=8):
+def extrapolated(glossy, light, k=8):
     """Midpoint sums at k / 2 and k sub-texels along an edge, extrapolated: the error falls as k^-2."""
-    coarse, fine = (sum_texels(MATERIALS[material], lights()[light].faces.double().numpy(), n) for n in (k // 2, k))
+    coarse, fine = (sum_texels(glossy, light.faces.double().numpy(), n) for n in (k // 2, k))
     return (4 * fine - coarse) / 3
+
+
+@cache
+def exact(light, material):
+    return extrapolated(MATERIALS[material], lights()[light])
 
 
 def reference(light, material, relative_error=2e-3, seed=0):
@@ -182,7 +187,7 @@ def reference(light, material, relative_error=2e-3, seed=0):
 @cache
 def seeds_of(light, material):
     """Radiance and standard error (S, P, 3) of 20 seeds."""
-    runs = [reference(lights()[light], MATERIALS[material].material(), 1e-2, seed) for seed in range(N_SEEDS)]
+    runs = [reference(lights()[light], MATERIALS[material].material(), 2e-2, seed) for seed in range(N_SEEDS)]
     return np.stack([r[0] for r in runs]), np.stack([r[1] for r in runs])
 
 
@@ -227,8 +232,9 @@ def test_z_test_notices_a_fault_in_what_is_integrated(fault):
 
 
 def test_z_test_notices_a_light_density_that_is_off_by_2_percent(monkeypatch):
-    right = LightDistribution.pdf
-    monkeypatch.setattr(LightDistribution, "pdf", lambda self, d: 1.02 * right(self, d))
+    right = ground_truth.luminance_distribution
+    scaled = lambda light: replace(right(light), density=1.02 * right(light).density)  # noqa: E731
+    monkeypatch.setattr(ground_truth, "luminance_distribution", scaled)
 
     radiance, standard_error = reference(lights()["rough"], MATERIALS["ggx_diffuse"].material(), 1e-3)
 
@@ -292,7 +298,7 @@ def test_honesty_checks_notice_a_standard_error_that_is_off_by_two(factor):
 def test_same_seed_gives_the_same_bytes_and_another_seed_agrees_within_the_error():
     radiance, standard_error = seeds_of("rough", "kurt")
 
-    again = reference(lights()["rough"], MATERIALS["kurt"].material(), 1e-2, seed=0)
+    again = reference(lights()["rough"], MATERIALS["kurt"].material(), 2e-2, seed=0)
 
     assert (again[0] == radiance[0]).all()
     assert (again[1] == standard_error[0]).all()
@@ -320,7 +326,7 @@ def test_constant_light_returns_the_closed_form_albedo():
 @pytest.mark.parametrize("material", MATERIALS)
 def test_constant_light_returns_the_exact_albedo_everywhere(material):
     light = Constant(radiance=(1.0, 2.0, 0.5), resolution=8).cubemap()
-    truth = sum_texels(MATERIALS[material], light.faces.double().numpy(), k=16)
+    truth = extrapolated(MATERIALS[material], light, k=16)
 
     radiance, standard_error = reference(light, MATERIALS[material].material(), relative_error=1e-2)
 
@@ -342,9 +348,9 @@ def test_one_lit_texel_is_summed_exactly(face, row, column):
     """In the middle of a face, in a corner of the cube, at an edge."""
     light = SingleTexel(face=face, row=row, column=column, resolution=16).cubemap()
     glossy = MATERIALS["ggx_diffuse"]
-    truth = sum_texels(glossy, light.faces.double().numpy(), k=16)
+    truth = extrapolated(glossy, light)
 
-    radiance, standard_error = reference(light, glossy.material())
+    radiance, standard_error = reference(light, glossy.material(), relative_error=5e-3)
 
     # Below the horizon of the texel both are zero; 1e-12 stands for an error of zero.
     check_z(radiance, np.maximum(standard_error, 1e-12), truth, n_tests=3)

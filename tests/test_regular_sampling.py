@@ -15,7 +15,7 @@ from glossbench.errors import InputError
 from glossbench.methods.regular_sampling import RegularSampling, lobe_area, sample_pattern
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import Sphere
-from glossbench.shading import shade
+from glossbench.shading import StageCache, shade
 
 # m_x, m_y, xi, n_circles, spacing -> samples: figures 4, 8 (top, bottom), 9 and 10 of the paper.
 COUNTS = [
@@ -26,6 +26,7 @@ COUNTS = [
     (0.2, 0.075, 0.2, 4, "s1", 17),
     (0.15, 0.15, 0.01, 10, "s1", 271),
 ]
+CACHE = StageCache()
 WIDTHS = [(0.1, 0.1), (0.2, 0.075), (0.05, 0.4), (1.0, 0.3)]
 
 
@@ -112,7 +113,7 @@ def evaluate_specular_lobe(
 
 
 class Picked(View):
-    """Twelve points of a sphere from its middle to its rim, and its twelve outermost, 88 degrees and beyond."""
+    """Twelve points of a sphere from its middle to its rim, and its twelve outermost, at 87 to 88 degrees."""
 
     def mask(self):
         return torch.ones(4, 6, dtype=torch.bool)
@@ -151,7 +152,7 @@ def image_by_hand(m, xi, n_circles, spacing, mip_filter="gauss6", space=spacing_
 
 def image_of(m, xi, n_circles, spacing, mip_filter="gauss6", mip_bias=0.0, **material):
     method = RegularSampling(xi=xi, n_circles=n_circles, spacing=spacing, mip_filter=mip_filter, mip_bias=mip_bias)
-    image = shade(method, spots(), Kurt(m=m, **material), Picked(), time_it=False)
+    image = shade(method, spots(), Kurt(m=m, **material), Picked(), cache=CACHE, time_it=False)
     return image.radiance[image.mask].double()
 
 
@@ -176,7 +177,8 @@ def test_image_is_what_the_papers_pseudo_code_computes(case, options, mip_filter
 
     image = image_of(*case, mip_filter, **options)
 
-    assert worst_relative(image, by_hand) < 1e-4
+    # Measured: 1.1e-6, views to 88 degrees.
+    assert worst_relative(image, by_hand) < 1e-5
 
 
 @pytest.mark.parametrize(
@@ -200,7 +202,7 @@ def test_comparison_with_the_pseudo_code_notices(fault):
 
     planted = image_by_hand(**(case | fault))
 
-    assert worst_relative(image, image_by_hand(**case)) < 1e-4
+    assert worst_relative(image, image_by_hand(**case)) < 1e-5
     assert worst_relative(image, planted) > 1e-3
 
 
@@ -210,7 +212,7 @@ def test_lobes_and_diffuse_part_add_up():
     method = RegularSampling(**options)
 
     def radiance(material):
-        return shade(method, spots(), material, Picked(), time_it=False).radiance.double()
+        return shade(method, spots(), material, Picked(), cache=CACHE, time_it=False).radiance.double()
 
     together = radiance(Kurt(lobes=lobes, kd=0.4))
 
@@ -270,11 +272,16 @@ def test_no_sample_lies_beyond_the_border(m, xi):
     assert min(q) >= xi * (1 - 1e-5)
 
 
+@cache
+def counts_of(m_x, m_y, xi):
+    return [len(sample_pattern(m_x, m_y, xi, n, spacing)) for n in range(1, 40) for spacing in ("s1", "s2")]
+
+
 @pytest.mark.parametrize("m", WIDTHS)
 @pytest.mark.parametrize("budget", [1, 5, 14, 17, 40, 120, 270])
 def test_budget_takes_the_pattern_with_the_nearest_count(m, budget):
     xi = 0.2
-    counts = [len(sample_pattern(*m, xi, n, spacing)) for n in range(1, 40) for spacing in ("s1", "s2")]
+    counts = counts_of(*m, xi)
 
     n = RegularSampling(samples=budget, xi=xi).n_samples(Kurt(m=m))
 
@@ -359,8 +366,8 @@ def test_area_along_the_normal_is_that_of_twice_the_half_angle():
 
 def furnace_error(material, **options):
     """RMS error under constant light over the mean albedo."""
-    view = Sphere(resolution=24)
-    image = shade(RegularSampling(**options), Constant().cubemap(), material, view, time_it=False)
+    view = Sphere(resolution=12)
+    image = shade(RegularSampling(**options), Constant().cubemap(), material, view, cache=CACHE, time_it=False)
     albedo = material.albedo(view.points().wo_local(), n_samples=1024)
     error = image.radiance[image.mask].double() - albedo
     return (error.square().mean().sqrt() / albedo.mean()).item()
@@ -368,7 +375,7 @@ def furnace_error(material, **options):
 
 @pytest.mark.parametrize("m", [0.1, 0.2, 0.3, 0.4, 0.5])
 def test_exact_normalisation_keeps_the_energy_of_a_whole_lobe_where_the_printed_one_does_not(m):
-    whole = {"samples": 1000, "xi": 0.001}
+    whole = {"n_circles": 18, "spacing": "s1", "xi": 0.001}
 
     errors = {kind: furnace_error(Kurt(m=m), normalisation=kind, **whole) for kind in ("printed", "exact")}
 
