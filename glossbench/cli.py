@@ -16,7 +16,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from glossbench.errors import InputError, nearest
-from glossbench.printing import describe, err, out, print_table, print_verdicts, say
+from glossbench.printing import describe, err, out, print_table, print_verdicts, say, warn_of_noise
 
 app = typer.Typer(
     help="Compare prefiltering methods for glossy image-based lighting against a converged reference.",
@@ -92,6 +92,7 @@ def run(
         err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
         raise typer.Exit(130) from None
     print_table(results.cells, list(loaded.metrics))
+    warn_of_noise(results.cells)
     print_verdicts(results.claims)
     for page in pages:
         say(f"report: {page}")

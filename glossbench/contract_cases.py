@@ -23,7 +23,7 @@ from glossbench.ground_truth import Reference, compute_reference
 from glossbench.options import option_names
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading import INPUTS, Method, dependencies, stages_of
+from glossbench.shading import INPUTS, Method, Recorder, dependencies, stages_of
 
 FURNACE_MATERIALS: tuple[Material, ...] = (
     Kurt(m=(0.1, 0.1)),
@@ -104,7 +104,7 @@ class Shader:
         for name, stage in stages.items():
             if name not in self.kept or "view" in depends[name]:
                 needed = {n: (values | self.kept)[n] for n in stage.needs}
-                self.kept[name] = stage.function(self.method, **needed)
+                self.kept[name] = stage.function(Recorder(self.method), **needed)
         values |= self.kept | {"points": points}
         wanted = inspect.signature(self.method.shade).parameters
         return self.method.shade(**{name: values[name] for name in wanted})

@@ -86,12 +86,12 @@ def spherical(theta: Tensor, phi: Tensor) -> Vec3:
 def points_2d(n: int, kind: PointSet = "hammersley", seed: int = 0) -> Tensor:
     """n points (n, 2) of the open unit square, float32.
 
-    hammersley: ((i + 1/2) / n, van der Corput of i in base 2). r2: the additive recurrence of the plastic number
-    (Roberts 2018), shifted by 1/2. random: independent uniform numbers of a generator with this seed. Only random
-    depends on the seed.
+    hammersley: ((i + 1/2) / n, van der Corput of i in base 2, plus 1 / (2 n)). r2: the additive recurrence of the
+    plastic number (Roberts 2018), shifted by 1/2. random: independent uniform numbers, seeded by seed and n. Only
+    random depends on the seed.
     """
     if kind == "random":
-        u = torch.rand(n, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+        u = torch.rand(n, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(seed * 2**21 + n))
     else:
         i = torch.arange(n, dtype=torch.float64)
         if kind == "hammersley":

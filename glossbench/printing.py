@@ -86,3 +86,17 @@ def print_verdicts(claims: list[dict[str, Any]]) -> None:
         out.print(claim["verdict"], style=styles.get(claim["verdict"], "dim"), end="  ", highlight=False)
         out.print(f"{claim['text']}\n  {claim['summary']}", markup=False, highlight=False)
     out.print()
+
+
+def warn_of_noise(cells: pandas.DataFrame) -> None:
+    """One line if references stopped at their largest number of samples before they met the noise asked for."""
+    references = cells.drop_duplicates("reference_key")
+    missed = references[references["reference_noise"] > references["reference_target"]]
+    if len(missed):
+        worst = (missed["reference_noise"] / missed["reference_mean"]).max()
+        wanted = (missed["reference_target"] / missed["reference_mean"]).min()
+        err.print(
+            f"{len(missed)} of {len(references)} references did not meet the noise asked for: {100 * worst:.2g} % of "
+            f"the mean for {100 * wanted:.2g} %, at reference.max_samples",
+            style="yellow", highlight=False, soft_wrap=True,
+        )  # fmt: skip

@@ -8,19 +8,21 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import torch
 
 # What decides the numbers: a change of any of these files makes every cell new.
 NUMERICS = (
-    "brdf", "envmap", "scene", "directions.py", "fusion.py", "ground_truth.py", "metrics.py", "shading.py",
-    "stages.py",
+    "brdf", "envmap", "scene", "directions.py", "fusion.py", "ground_truth.py", "metrics.py", "options.py",
+    "shading.py", "stages.py", "tuning.py",
 )  # fmt: skip
 
 
 def numerics_hash() -> str:
-    """SHA-256 of the source that decides the numbers, and of torch's version."""
-    digest = hashlib.sha256(torch.__version__.encode())
+    """SHA-256 of the source that decides the numbers, and of the versions of what computes and decodes them."""
+    versions = [torch.__version__, version("scipy"), version("OpenImageIO")]
+    digest = hashlib.sha256(" ".join(versions).encode())
     package = Path(__file__).parent
     for part in NUMERICS:
         for path in sorted((package / part).rglob("*.py")) if (package / part).is_dir() else [package / part]:
@@ -29,9 +31,23 @@ def numerics_hash() -> str:
 
 
 def source_hash(cls: type) -> str:
-    """SHA-256 of the file that defines a class; empty where there is none."""
-    file = getattr(sys.modules[cls.__module__], "__file__", None)
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""
+    """SHA-256 of the source of a class and its bases; of a plug-in's, of all modules of its package.
+
+    A class without a file, as of a notebook, hashes to something new each time: its cells are never taken for others.
+    """
+    digest = hashlib.sha256()
+    for base in cls.__mro__:
+        if base.__module__ == "builtins":
+            continue
+        file = getattr(sys.modules[base.__module__], "__file__", None)
+        if file is None:
+            return f"no source {uuid4().hex}"
+        package, _, inside = base.__module__.partition(".")
+        root = Path(file).parents[base.__module__.count(".") - 1] if inside else Path(file)
+        own = package == "glossbench" or not root.is_dir()
+        for path in [Path(file)] if own else sorted(root.rglob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def glossbench_version() -> str:
@@ -60,14 +76,15 @@ def system_information() -> dict[str, Any]:
         "python": platform.python_version(),
         **{name.lower(): version(name) for name in names},
         "platform": platform.platform(terse=True),
-        "processor": _processor(),
+        "processor": processor(),
         "cores": os.cpu_count(),
         "threads": torch.get_num_threads(),
         "cuda": torch.cuda.get_device_name() if torch.cuda.is_available() else "none",
     }
 
 
-def _processor() -> str:
+def processor() -> str:
+    """The processor's name, as the system tells it."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))

@@ -1,6 +1,7 @@
 """Registries: a name in a study or on the command line -> the class that it means."""
 
 import importlib
+import logging
 import pkgutil
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
@@ -66,4 +67,11 @@ class Registry(Generic[T]):
         for module in pkgutil.iter_modules(getattr(home, "__path__", [])):
             importlib.import_module(f"{self._home}.{module.name}")
         for point in entry_points(group=self._group):
-            point.load()
+            try:
+                point.load()
+            except Exception as error:  # another distribution's fault must not take every command with it
+                first = (str(error).splitlines() or [""])[0]
+                logging.getLogger("glossbench").warning(
+                    "%s %r of %s cannot be loaded: %s: %s",
+                    self.kind, point.name, point.dist.name if point.dist else "?", type(error).__name__, first,
+                )  # fmt: skip

@@ -84,8 +84,9 @@ class Results:
     def open(cls, folder: Path | str) -> "Results":
         """Results that are there."""
         results = cls(folder)
-        if not (results.folder / "cells.parquet").is_file():
-            raise InputError(f"{results.folder} holds no results: there is no cells.parquet in it")
+        for name in ("cells.parquet", "study.yaml", "claims.json", "provenance.json"):
+            if not (results.folder / name).is_file():
+                raise InputError(f"{results.folder} holds no results of a finished run: there is no {name} in it")
         return results
 
     def create(self) -> None:
@@ -149,17 +150,20 @@ class Results:
 
     # The whole study.
 
-    def finish(self, study: dict[str, Any], rows: list[dict[str, Any]], provenance: dict[str, Any]) -> None:
-        """Write the study, the table of its cells and where they come from."""
+    def finish(
+        self,
+        study: dict[str, Any],
+        verdicts: list[dict[str, Any]],
+        rows: list[dict[str, Any]],
+        provenance: dict[str, Any],
+    ) -> None:
+        """Write the study, its verdicts, its provenance, and last the table of cells: that says that all is there."""
         with replacing(self.folder / "study.yaml") as part:
             part.write_text(dump(study), encoding="utf-8")
+        self._write_json("claims.json", verdicts)
+        self._write_json("provenance.json", provenance)
         with replacing(self.folder / "cells.parquet") as part:
             pandas.DataFrame(rows).to_parquet(part, index=False)
-        self._write_json("provenance.json", provenance)
-
-    def add_claims(self, verdicts: list[dict[str, Any]]) -> None:
-        """Write the verdicts."""
-        self._write_json("claims.json", verdicts)
 
     @property
     def study(self) -> dict[str, Any]:

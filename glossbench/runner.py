@@ -1,7 +1,6 @@
 """Running a study: cell after cell, each remembered on disk, so that a killed run goes on from there."""
 
 import json
-import math
 import time
 import traceback
 from collections.abc import Callable
@@ -11,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 import torch
-from scipy.optimize import minimize_scalar
 
 from glossbench.brdf.material import MATERIALS
 from glossbench.costs import Costs
@@ -20,14 +19,15 @@ from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights import LIGHTS
 from glossbench.errors import InputError
 from glossbench.ground_truth import Reference, compute_reference
-from glossbench.items import Cell, Item, Tune
+from glossbench.items import Cell, Item
 from glossbench.metrics import METRICS
-from glossbench.provenance import glossbench_version, numerics_hash, provenance, source_hash
+from glossbench.provenance import glossbench_version, numerics_hash, processor, provenance, source_hash
 from glossbench.registry import Registry
 from glossbench.results import Results, key_of
 from glossbench.scene.points import VIEWS
 from glossbench.shading import METHODS, Image, Method, StageCache, shade
 from glossbench.study import Study
+from glossbench.tuning import tune_option
 from glossbench.verdicts import judge
 
 
@@ -83,8 +83,9 @@ def run_study(
         row = executor.run(cell, rerun_failed)
         rows.append(row)
         progress.cell(row)
-    results.finish(study.resolved(), rows, provenance(study.device, started))
-    results.add_claims(judge(study.claims, results.cells))
+    results.finish(
+        study.resolved(), judge(study.claims, pandas.DataFrame(rows)), rows, provenance(study.device, started)
+    )
     return results
 
 
@@ -167,14 +168,16 @@ class _Executor:
             "light_options": cell.light.json, "material_options": cell.material.json,
             "view_options": cell.view.json, "options": json.dumps(cell.method.options, sort_keys=True),
             "tuned": "{}", "status": "done", "reason": "",
-            **dict.fromkeys(self.study.metrics, nothing),
-            "reference_noise": nothing, "reference_mean": nothing, "reference_samples": 0,
+            **dict.fromkeys([*self.study.metrics, "rms"], nothing),
+            "reference_noise": nothing, "reference_peak_noise": nothing, "reference_target": nothing,
+            "reference_mean": nothing, "reference_samples": 0,
             "at_noise_floor": False,
             "n_samples": 0, "stage_seconds": json.dumps(costs.stage_seconds),
             "update_seconds": json.dumps(costs.update_seconds), "shade_seconds": nothing, "state_bytes": 0,
             "reference_seconds": nothing,
             "version": glossbench_version(), "torch": torch.__version__, "device": self.study.device,
-            "seed": self.study.seed, "light_key": self.lights.key(cell.light), "code": self._code[:20],
+            "processor": processor(), "seed": self.study.seed, "light_key": self.lights.key(cell.light),
+            "code": self._code[:20],
         }  # fmt: skip
 
     def _execute(self, cell: Cell, reference_key: str) -> tuple[dict[str, Any], Image | None, Any]:
@@ -208,7 +211,10 @@ class _Executor:
             "tuned": json.dumps(tuned),
             "options": json.dumps(method.as_dict(), sort_keys=True),
             **{name: METRICS.create(name, {})(image, truth) for name in self.study.metrics},
+            "rms": rms,
             "reference_noise": truth.noise,
+            "reference_peak_noise": float(truth.standard_error.max()),
+            "reference_target": self.study.reference.relative_error * truth.mean,
             "reference_mean": truth.mean,
             "reference_samples": truth.n_samples,
             "at_noise_floor": bool(rms < 2 * truth.noise),
@@ -251,25 +257,6 @@ class _Executor:
         )
         self._truth = (key, stored)
         return stored
-
-
-def tune_option(tune: Tune, error: Callable[[float], float]) -> float:
-    """The value of an option in [low, high] that makes the size of a metric least, to 1/400 of the range.
-
-    Nine values over the range find the valley, Brent's bounded search its floor.
-    """
-    grid = np.linspace(tune.low, tune.high, 9)
-    errors = [abs(error(float(x))) for x in grid]
-    best = int(np.argmin(errors))
-    if not math.isfinite(errors[best]):
-        return float(grid[best])
-    found = minimize_scalar(
-        lambda x: abs(error(float(x))), bounds=(grid[max(best - 1, 0)], grid[min(best + 1, 8)]),
-        method="bounded", options={"xatol": (tune.high - tune.low) / 400},
-    )  # fmt: skip
-    # The search never looks at the ends of its interval, which may be those of the range.
-    x = float(found.x if found.fun < errors[best] else grid[best])
-    return min(max(round(x, 4 - math.floor(math.log10(tune.high - tune.low))), tune.low), tune.high)
 
 
 def _stated(registry: Registry[Any], item: Item) -> list[Any]:

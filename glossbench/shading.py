@@ -93,6 +93,8 @@ def stages_of(method: type[Method]) -> dict[str, Stage]:
     """The stages of a method in the order in which they must run; InputError for a parameter that nothing provides."""
     members = {name: value for cls in reversed(method.__mro__) for name, value in vars(cls).items()}
     pending = {name: value for name, value in members.items() if isinstance(value, Stage)}
+    if "shade" not in members:
+        raise InputError(f"{method.__name__} has no shade(self, points, material, ...)")
     known = set(INPUTS) | set(pending)
     users = [*pending.items(), ("shade", Stage(method.shade))]
     for name, user in users:
@@ -136,21 +138,22 @@ class StageCache:
     def __init__(self) -> None:
         self._entries: dict[tuple[Any, ...], list[tuple[dict[str, Any], Prepared]]] = {}
 
-    def get(self, stage: Stage, method: Method, inputs: dict[str, Any], keys: tuple[Any, ...]) -> Prepared:
-        """The stage's value, computed where no equal one is known."""
+    def get(
+        self, stage: Stage, method: Method, inputs: dict[str, Any], keys: tuple[Any, ...], device: str, patience: float
+    ) -> Prepared:
+        """The stage's value, computed (and timed, see `timed`) where no equal one is known."""
         entries = self._entries.setdefault((stage.function, keys), [])
         for read, prepared in entries:
             if all(getattr(method, option, None) == value for option, value in read.items()):
                 return prepared
-        recorder = _Recorder(method)
-        device = str(inputs["light"].faces.device) if "light" in inputs else "cpu"
-        value, seconds = timed(lambda: stage.function(recorder, **inputs), device)
+        recorder = Recorder(method)
+        value, seconds = timed(lambda: stage.function(recorder, **inputs), device, patience)
         prepared = Prepared(value, seconds, n_bytes(value))
         entries.append((recorder.read, prepared))
         return prepared
 
 
-class _Recorder:
+class Recorder:
     """Stands for a method while a stage runs, and notes the options that it reads."""
 
     def __init__(self, method: Method) -> None:
@@ -159,7 +162,8 @@ class _Recorder:
 
     def __getattr__(self, name: str) -> Any:
         value = getattr(self._method, name)
-        if callable(value):  # a helper of the method may read any option
+        if callable(value):  # a helper may read any option, and another class may have another helper
+            self.read["__class__"] = type(self._method)
             self.read |= {f.name: getattr(self._method, f.name) for f in dataclasses.fields(self._method)}
         else:
             self.read[name] = value
@@ -206,24 +210,20 @@ def shade(
     cache = StageCache() if cache is None else cache
     device = str(light.faces.device)
     inputs = {"light": light, "material": material, "scene": view.scene(), "view": view}
-    keys: dict[str, Any] = {"light": light.key or id(light), "material": material, "scene": view.scene(), "view": view}
-    keys["light"] = (keys["light"], light.resolution, device)
+    patience = 0.2 if time_it else 0.0
+    keys: dict[str, Any] = {**inputs, "light": (light.key, light.resolution, device)}
     stages = stages_of(type(method))
     prepared: dict[str, Prepared] = {}
     for name, current in stages.items():
         values = {n: inputs[n] if n in INPUTS else prepared[n].value for n in current.needs}
         names = tuple(keys[n] for n in current.needs)
-        prepared[name] = cache.get(current, method, values, names)
+        prepared[name] = cache.get(current, method, values, names, device, patience)
         keys[name] = (current.function, names, id(prepared[name]))
 
     points = view.points().to(device)
-    wanted = inspect.signature(method.shade).parameters
-    state = {n: prepared[n].value if n in prepared else inputs[n] for n in wanted if n not in ("points", "material")}
-
-    def run() -> Tensor:
-        return method.shade(points, material, **state)
-
-    values, seconds = timed(run, device, patience=0.2 if time_it else 0)
+    known = inputs | {"points": points} | {name: p.value for name, p in prepared.items()}
+    state = {n: known[n] for n in inspect.signature(method.shade).parameters}
+    values, seconds = timed(lambda: method.shade(**state), device, patience)
     mask = view.mask()
     depends = dependencies(stages)
     costs = Costs(

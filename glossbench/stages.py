@@ -18,8 +18,8 @@ from glossbench.shading import stage
 
 @stage
 def pyramid(self: Any, light: CubeMap) -> Pyramid | Paraboloid:
-    """The filtered light; reads the method's `mip_filter` and `projection` ("cube" or "dual_paraboloid")."""
-    if self.projection == "dual_paraboloid":
+    """The filtered light, by the method's `mip_filter`; a cube, or a dual paraboloid where its `projection` says so."""
+    if getattr(self, "projection", "cube") == "dual_paraboloid":
         return build_paraboloid(light, self.mip_filter)
     return build_pyramid(light, self.mip_filter)
 

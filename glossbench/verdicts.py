@@ -137,6 +137,8 @@ class _Table:
             for b in found:
                 sides = zip((a, b), varying, strict=True)
                 own = [_shown(row, [key for key in differing if key not in keys]) for row, differing in sides]
+                if a.get("n_samples") != b.get("n_samples"):  # a pattern may not meet the budget
+                    own = [f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(own, (a, b), strict=True)]
                 against = " against ".join(own) if any(own) else ""
                 yield a, b, _listed([self._place(a), _shown(a, keys), against])
 
@@ -238,7 +240,9 @@ def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
 
 def _noise(a: Row, b: Row, column: str) -> float:
     """RMS of the reference's standard error in the unit of a column; zero where it does not enter."""
-    noise = max(_number(row.get("reference_noise")) or 0.0 for row in (a, b))
+    # The largest of many errors moves with the largest standard error, not with their mean.
+    source = "reference_peak_noise" if column == "max_error" else "reference_noise"
+    noise = max(_number(row.get(source, row.get("reference_noise"))) or 0.0 for row in (a, b))
     if column.startswith("relative_"):
         mean = _number(a.get("reference_mean")) or 0.0
         return noise / mean if mean > 0 else 0.0

@@ -11,6 +11,7 @@ from glossbench.brdf.lobe import Lobe
 from glossbench.brdf.material import Material
 from glossbench.directions import PointSet, points_2d, to_world
 from glossbench.envmap.pyramid import Environment, MipFilter, weighted_radiance
+from glossbench.errors import InputError
 from glossbench.fusion import over_points
 from glossbench.options import Finite
 from glossbench.scene.points import ShadingPoints
@@ -66,6 +67,17 @@ class FilteredImportanceSampling(Method):
 
     pyramid = pyramid
     irradiance = irradiance
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.lod_bias is not None and self.k != 4:
+            raise InputError(
+                f"filtered_importance_sampling.lod_bias replaces k, got both {self.lod_bias!r} and {self.k!r}"
+            )
+
+    def n_samples(self, material: Material) -> int:
+        """Samples of all lobes: at least one each."""
+        return sum(material.reflectance().share(self.samples))
 
     def shade(self, points: ShadingPoints, material: Material, pyramid: Environment, irradiance: Tensor) -> Tensor:
         """Radiance (P, 3)."""

@@ -40,6 +40,10 @@ class ImportanceSampling(Method):
 
     irradiance = irradiance
 
+    def n_samples(self, material: Material) -> int:
+        """Samples of all lobes: at least one each."""
+        return sum(material.reflectance().share(self.samples))
+
     @stage
     def texels(self, light: CubeMap) -> Environment:
         """The light with borders, for a bilinear lookup."""

@@ -1,12 +1,10 @@
 """The HTML report of a study: one file, read from what the run left on disk, that opens without a network."""
 
-import os
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
 import yaml
@@ -14,7 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from glossbench.metrics import METRICS
-from glossbench.results import Results
+from glossbench.results import Results, replacing
 
 from . import figures
 from .cells import Cell, Group, grouped, listed, parsed
@@ -51,16 +49,12 @@ def write_report(folder: Path) -> Path:
         sections=[(g, _plots(g, f"g{i}"), _images(results, g, f"g{i}")) for i, g in enumerate(groups)],
         patterns=_patterns(results, groups),
         n_patterns=MANY_PATTERNS,
-        seen={key: _seen(rows, key) for key in ("version", "torch", "device", "seed", "light_key")},
+        seen={key: _seen(rows, key) for key in ("version", "torch", "device", "processor", "seed", "light_key")},
         white=WHITE,
     )
     path = Path(folder) / "report.html"
-    part = path.with_name(f".{path.name}.{uuid4().hex}.part")
-    try:
+    with replacing(path) as part:
         part.write_text(page, encoding="utf-8")
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
     return path
 
 

@@ -121,9 +121,7 @@ def test_an_installed_package_is_found_by_its_entry_point(lab):
     metadata.mkdir()
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my-lab\nVersion: 1.0\n")
     (metadata / "entry_points.txt").write_text(
-        "".join(
-            f"[{g}]\n" + "".join(f"{k} = {v}\n" for k, v in points.items()) for g, points in groups.items()
-        )
+        "".join(f"[{g}]\n" + "".join(f"{k} = {v}\n" for k, v in points.items()) for g, points in groups.items())
     )
 
     Registry("method", "glossbench.methods", "glossbench.methods").names()

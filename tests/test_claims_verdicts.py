@@ -124,9 +124,7 @@ def test_paired_by_replaces_the_samples():
     assert [(n["a"], n["b"]) for n in judgement["numbers"]] == [(1.0, 2.0)]
 
 
-@pytest.mark.parametrize(
-    "place", ["light", "material", "view", "light_options", "material_options", "view_options"]
-)
+@pytest.mark.parametrize("place", ["light", "material", "view", "light_options", "material_options", "view_options"])
 def test_cells_of_other_places_are_never_paired(place):
     other = {"other": 1} if place.endswith("options") else "other"
 
@@ -151,9 +149,7 @@ def test_options_that_one_method_sweeps_are_compared_each_and_told_apart():
 
 
 def test_signed_errors_are_compared_by_size():
-    judgement = verdict_on(
-        {**LOWER, "metric": "mean_error"}, cell("a", mean_error=-3), cell("b", mean_error=1)
-    )
+    judgement = verdict_on({**LOWER, "metric": "mean_error"}, cell("a", mean_error=-3), cell("b", mean_error=1))
 
     assert judgement["verdict"] == "does not hold"
 
@@ -162,9 +158,7 @@ def test_signed_errors_are_compared_by_size():
     ("metric", "noise"), [("rms", 0.01), ("max_error", 0.01), ("relative_rms", 0.02), ("flip", 0.0)]
 )
 def test_noise_has_the_unit_of_the_metric(metric, noise):
-    rows = [
-        cell(method, **{metric: value}, reference_noise=0.01) for method, value in [("a", 1.0), ("b", 2.0)]
-    ]
+    rows = [cell(method, **{metric: value}, reference_noise=0.01) for method, value in [("a", 1.0), ("b", 2.0)]]
 
     judgement = verdict_on({**LOWER, "metric": metric}, *rows)
 
@@ -282,9 +276,7 @@ def test_two_points_are_no_slope():
     judgement = verdict_on(SLOPE, *curve([0.5, 0.25, 9e-4, 0.0]))
 
     assert judgement["verdict"] == "not tested"
-    assert (
-        judgement["summary"] == "Not tested: cells at the noise floor: 2; curves of fewer than 3 points: 1."
-    )
+    assert judgement["summary"] == "Not tested: cells at the noise floor: 2; curves of fewer than 3 points: 1."
 
 
 def test_a_swept_option_gives_a_curve_each_and_a_tuned_one_does_not():
@@ -365,9 +357,7 @@ def test_a_tiny_error_is_surely_below_a_bound():
     tiny = cell("a", rms=1e-6, mean_error=1e-6)
 
     assert verdict_on({"value": "a", "of": "rms", "between": [0, 1]}, tiny)["verdict"] == "holds"
-    assert (
-        verdict_on({"value": "a", "of": "mean_error", "between": [0, 1]}, tiny)["verdict"] == "within noise"
-    )
+    assert verdict_on({"value": "a", "of": "mean_error", "between": [0, 1]}, tiny)["verdict"] == "within noise"
 
 
 # not tested
@@ -380,10 +370,7 @@ def test_cells_that_did_not_finish_are_counted():
 
     assert judgement["verdict"] == "not tested"
     assert judgement["numbers"] == []
-    assert (
-        judgement["summary"]
-        == "Not tested: cells failed: 1; cells skipped: 1; cells without a finite rms: 1."
-    )
+    assert judgement["summary"] == "Not tested: cells failed: 1; cells skipped: 1; cells without a finite rms: 1."
 
 
 def test_unfinished_cells_are_told_of_beside_a_verdict():

@@ -25,9 +25,7 @@ STUDY = {
     "methods": [{"importance_sampling": {"samples": [4, 8]}}, {"environment_sampling": {"samples": [4, 8]}}],
     "reference": {"relative_error": 0.05},
     "metrics": ["rms", "relative_rms", "mean_error", "max_error"],
-    "claims": [
-        {"text": "A [b] /c", "lower": "importance_sampling", "than": "environment_sampling", "metric": "rms"}
-    ],
+    "claims": [{"text": "A [b] /c", "lower": "importance_sampling", "than": "environment_sampling", "metric": "rms"}],
 }
 
 
@@ -90,9 +88,7 @@ def test_a_run_ends_with_a_table_verdicts_and_the_path_of_the_report(call):
     assert words(lines[0]) == "light material method samples rms relative_rms mean_error max_error shade ms"
     rows = [line.split() for line in lines[1:5]]
     assert [row[3:5] for row in rows] == [
-        [method, samples]
-        for method in ("importance_sampling", "environment_sampling")
-        for samples in ("4", "8")
+        [method, samples] for method in ("importance_sampling", "environment_sampling") for samples in ("4", "8")
     ]
     for row, rms in zip(rows, results.cells["rms"], strict=True):
         assert row[5] in ("floor", f"{rms:.4g}")
@@ -212,9 +208,7 @@ def test_a_dry_run_names_the_cells_and_writes_nothing(call, here):
 
 
 def test_an_interrupt_ends_with_130_and_one_line(call, monkeypatch):
-    monkeypatch.setattr(
-        "glossbench.runner.compute_reference", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt)
-    )
+    monkeypatch.setattr("glossbench.runner.compute_reference", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt))
 
     code, _, err = call("run", "tiny.yaml")
 

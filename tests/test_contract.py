@@ -435,9 +435,7 @@ def test_the_albedo_of_the_furnace_is_the_midpoint_integral_of_the_material(mate
 def test_given_points_are_a_view_of_one_row():
     points = general_points(7)
 
-    image = shade(
-        Sound(samples=4), Gradient(resolution=8).cubemap(), Kurt(), GivenPoints(points), time_it=False
-    )
+    image = shade(Sound(samples=4), Gradient(resolution=8).cubemap(), Kurt(), GivenPoints(points), time_it=False)
 
     assert image.radiance.shape == (1, 7, 3)
     assert GivenPoints(points) != GivenPoints(points)

@@ -96,9 +96,7 @@ def test_the_orientation_light_has_its_colour_along_each_axis(name):
     assert (texel / texel.max()).tolist() == list(COLORS[name])
 
 
-@pytest.mark.parametrize(
-    ("name", "right", "up"), [("-z", "+x", "+y"), ("+x", "+z", "+y"), ("+z", "-x", "+y")]
-)
+@pytest.mark.parametrize(("name", "right", "up"), [("-z", "+x", "+y"), ("+x", "+z", "+y"), ("+z", "-x", "+y")])
 def test_the_upper_left_quarter_of_the_orientation_light_is_bright(name, right, up):
     light = gb.light("orientation", resolution=16)
 
@@ -304,9 +302,7 @@ def test_the_mean_notices_texels_that_all_count_the_same():
 def check_irradiance(irradiance_of, normals):
     """Of L = max(a . d, 0): E = (2/3) (sin g + (pi - g) cos g) at the angle g from a."""
     a = np.array([2.0, -1.0, 2.0]) / 3
-    lobe = (
-        (stack(texel_directions(32)) @ torch.tensor(a).float()).clamp(min=0)[..., None].expand(-1, -1, -1, 3)
-    )
+    lobe = (stack(texel_directions(32)) @ torch.tensor(a).float()).clamp(min=0)[..., None].expand(-1, -1, -1, 3)
     angle = np.arccos(np.clip(normals @ a, -1, 1))
     expected = (2 / 3 * (np.sin(angle) + (pi - angle) * np.cos(angle)))[:, None].repeat(3, 1)
 

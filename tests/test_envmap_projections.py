@@ -50,9 +50,7 @@ def cross_directions(projection, size):
     field = torch.zeros(rows * size, columns * size, 3, dtype=torch.float64)
     lit = torch.zeros(rows * size, columns * size, dtype=torch.bool)
     for (row, column), names in layout.items():
-        n, right, down = (
-            torch.tensor([float(f"{m[0]}1") * (m[1] == a) for a in "xyz"]).double() for m in names
-        )
+        n, right, down = (torch.tensor([float(f"{m[0]}1") * (m[1] == a) for a in "xyz"]).double() for m in names)
         place = slice(row * size, (row + 1) * size), slice(column * size, (column + 1) * size)
         d = n + at[None, :, None] * right + at[:, None, None] * down
         field[place], lit[place] = d / d.norm(dim=2, keepdim=True), True
@@ -172,8 +170,7 @@ def test_a_picture_has_forward_in_its_centre_right_of_it_x_and_above_it_y():
     # Measured 0.889: what remains lies between two colours. Mirrored or upside down it is below a half.
     expected = marked(lat_long_directions(64)).float()
     agree = [
-        ((p - expected).abs().amax(-1) < 0.01).double().mean()
-        for p in (picture, picture.flip(0), picture.flip(1))
+        ((p - expected).abs().amax(-1) < 0.01).double().mean() for p in (picture, picture.flip(0), picture.flip(1))
     ]
     assert picture.shape == (64, 128, 3)
     assert agree[0] > 0.88
@@ -213,9 +210,7 @@ def test_the_energy_check_notices_a_mirrored_image(projection):
     assert of_irradiance > 0.3
 
 
-@pytest.mark.parametrize(
-    "shape", [(1, 2), (8, 16), (33, 33), (64, 64), (40, 30), (1024, 768), (30, 40)], ids=str
-)
+@pytest.mark.parametrize("shape", [(1, 2), (8, 16), (33, 33), (64, 64), (40, 30), (1024, 768), (30, 40)], ids=str)
 @pytest.mark.parametrize("resolution", [2, 16, None])
 def test_a_constant_light_stays_constant(shape, resolution):
     image = torch.full((*shape, 3), 3.0)
@@ -293,9 +288,7 @@ def real_lights(shared_data):
     entries = yaml.safe_load((shared_data / "MANIFEST.yaml").read_text())["environments"]
     known = [e for e in entries if e["file"].endswith((".hdr", ".exr"))]
     images = {e["file"].split("/")[1]: (e, read_image(shared_data / e["file"])) for e in known}
-    return {
-        n: (e, i, to_cubemap(i, resolution=256, flip_vertical=n == FLIPPED)) for n, (e, i) in images.items()
-    }
+    return {n: (e, i, to_cubemap(i, resolution=256, flip_vertical=n == FLIPPED)) for n, (e, i) in images.items()}
 
 
 def test_real_lights_have_the_mean_and_irradiance_of_the_manifest(real_lights):
@@ -304,9 +297,7 @@ def test_real_lights_have_the_mean_and_irradiance_of_the_manifest(real_lights):
         small = to_cubemap(image, resolution=64, flip_vertical=name == FLIPPED)
 
         # Measured at most 0.16 % (uffizi); the manifest's own rounding is allowed on top, up to 3 % of 0.017.
-        mean, irradiance = (
-            torch.tensor(v) for v in (entry["mean_rgb"], [entry["irradiance"][a] for a in AXES])
-        )
+        mean, irradiance = (torch.tensor(v) for v in (entry["mean_rgb"], [entry["irradiance"][a] for a in AXES]))
         assert ((light.mean() - mean).abs() < 0.003 * mean + 5e-5).all(), name
         assert ((small.mean() - mean).abs() < 0.003 * mean + 5e-5).all(), name
         assert ((light.irradiance(axes) - irradiance).abs() < 0.003 * irradiance + 5e-4).all(), name
@@ -315,9 +306,7 @@ def test_real_lights_have_the_mean_and_irradiance_of_the_manifest(real_lights):
 def test_the_probe_and_the_cross_of_one_place_are_one_light(real_lights):
     probe, cross = (real_lights[f"rnl_{kind}.hdr"][2] for kind in ("probe", "cross"))
 
-    of_mean, of_irradiance = largest_error(
-        probe, cross.mean(), cross.irradiance(vec3(torch.tensor([*AXES.values()])))
-    )
+    of_mean, of_irradiance = largest_error(probe, cross.mean(), cross.irradiance(vec3(torch.tensor([*AXES.values()]))))
 
     assert of_mean < 1e-3
     assert of_irradiance < 1e-3
@@ -328,9 +317,7 @@ def test_the_lat_long_of_grace_is_its_cross_flipped_and_scaled(real_lights):
     as_stored = to_cubemap(real_lights[FLIPPED][1], resolution=64)
     irradiance = cross.irradiance(vec3(torch.tensor(list(AXES.values())))) / 127.35
 
-    of_upright, of_stored = (
-        largest_error(c, cross.mean() / 127.35, irradiance) for c in (upright, as_stored)
-    )
+    of_upright, of_stored = (largest_error(c, cross.mean() / 127.35, irradiance) for c in (upright, as_stored))
 
     assert max(of_upright) < 0.01
     assert of_stored[1] > 0.3

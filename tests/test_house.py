@@ -28,9 +28,7 @@ def imports(source, package):
             "import_module",
             "__import__",
         ):
-            found |= {
-                arg.value for arg in node.args if isinstance(arg, ast.Constant) and isinstance(arg.value, str)
-            }
+            found |= {arg.value for arg in node.args if isinstance(arg, ast.Constant) and isinstance(arg.value, str)}
     return found
 
 

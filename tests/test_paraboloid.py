@@ -101,9 +101,7 @@ def rim(n, z):
     return np.stack([r * np.cos(phi), r * np.sin(phi), np.full(n, z)], 1)
 
 
-DIRECTIONS = np.concatenate(
-    [random_directions(500), *(rim(64, z) for z in (-1e-6, 0.0, 1e-6)), np.eye(3), -np.eye(3)]
-)
+DIRECTIONS = np.concatenate([random_directions(500), *(rim(64, z) for z in (-1e-6, 0.0, 1e-6)), np.eye(3), -np.eye(3)])
 
 
 def check_lookup(radiance_at):
@@ -149,9 +147,7 @@ def test_a_constant_light_stays_constant_at_every_level(mip_filter):
     for level in range(6):
         radiance = lookup(paraboloid, d, torch.full_like(d.x, float(level)))
         # Measured 2e-7: float32.
-        torch.testing.assert_close(
-            radiance, torch.tensor([0.1, 2.5, 1e4]).expand_as(radiance), rtol=2e-6, atol=0
-        )
+        torch.testing.assert_close(radiance, torch.tensor([0.1, 2.5, 1e4]).expand_as(radiance), rtol=2e-6, atol=0)
 
 
 def test_both_images_have_twice_the_edge_of_a_cube_face():

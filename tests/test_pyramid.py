@@ -247,11 +247,7 @@ def padded(faces):
     n = faces.shape[1]
     at = (np.arange(n) * 2 + 1) / n - 1
     t, s = np.meshgrid(at, at, indexing="ij")
-    d = (
-        FRAMES[:, None, None, 0]
-        + s[..., None] * FRAMES[:, None, None, 1]
-        + t[..., None] * FRAMES[:, None, None, 2]
-    )
+    d = FRAMES[:, None, None, 0] + s[..., None] * FRAMES[:, None, None, 1] + t[..., None] * FRAMES[:, None, None, 2]
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
     flat, colors = d.reshape(-1, 3), faces.reshape(-1, 3)
     out = np.zeros((6, n + 2, n + 2, 3))
@@ -365,9 +361,7 @@ def test_weighted_radiance_is_the_sum_over_samples(n_channels, with_lod):
         tuple(torch.tensor(weight).float()),
     )
 
-    each = trilinear([pyramid.level(i).double().numpy() for i in range(4)], d, lod).reshape(
-        n_points, n_samples, 3
-    )
+    each = trilinear([pyramid.level(i).double().numpy() for i in range(4)], d, lod).reshape(n_points, n_samples, 3)
     expected = np.einsum("cpn,pnc->pc", np.broadcast_to(weight, (3, n_points, n_samples)), each)
     # Measured 3e-7: float32.
     np.testing.assert_allclose(total.numpy(), expected, rtol=3e-6)

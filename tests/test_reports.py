@@ -71,18 +71,12 @@ def write_results(folder, budgets=(4, 16, 64, 256)):
             for n in budgets if method != "split_sum" else budgets[:1]:
                 n_samples = n if method != "split_sum" else 1
                 rms = 0.1 * size / np.sqrt(n)
-                error = (
-                    rms
-                    * (rng.standard_normal((N, N, 3)) * 0.6 + 0.8 * np.sign(x)[..., None])
-                    * mask[..., None]
-                )
+                error = rms * (rng.standard_normal((N, N, 3)) * 0.6 + 0.8 * np.sign(x)[..., None]) * mask[..., None]
                 key = f"{method}-{n}-{i}"
                 write_exr(folder / "images" / f"{key}.exr", reference + error)
                 if method == "regular_sampling" and n <= 64:
                     u = (np.arange(n) + 0.5) / n
-                    half_vectors = np.stack(
-                        [np.arctan(m[0] * np.sqrt(-np.log(1 - u))), 2.4 * np.arange(n)], 1
-                    )
+                    half_vectors = np.stack([np.arctan(m[0] * np.sqrt(-np.log(1 - u))), 2.4 * np.arange(n)], 1)
                     np.save(folder / "images" / f"{key}_half_vectors.npy", half_vectors)
                 options = {"samples": n, "mip_bias": 0.35} if method != "split_sum" else {"levels": 6}
                 rows.append(shared | {
@@ -137,9 +131,7 @@ def write_results(folder, budgets=(4, 16, 64, 256)):
 
 def write_exr(path, image):
     planes = {c: np.ascontiguousarray(image[..., i], dtype=np.float32) for i, c in enumerate("RGB")}
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, planes).write(
-        str(path)
-    )
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, planes).write(str(path))
 
 
 def test_report_is_one_file_that_asks_for_nothing_else(page):
@@ -265,9 +257,7 @@ def test_skipped_and_failed_cells_are_in_the_table_with_their_reasons(page):
 
 
 def test_each_verdict_is_said_in_words(page):
-    assert re.findall(r'<span class="badge [\w-]+">. ([\w ]+)</span>', page) == [
-        verdict for _, verdict in CLAIMS
-    ]
+    assert re.findall(r'<span class="badge [\w-]+">. ([\w ]+)</span>', page) == [verdict for _, verdict in CLAIMS]
 
 
 def test_best_of_a_group_is_marked(tmp_path):

@@ -20,9 +20,10 @@ from glossbench.errors import InputError
 from glossbench.items import Tune
 from glossbench.metrics import METRICS, Metric
 from glossbench.results import Results
-from glossbench.runner import Progress, run_study, tune_option
+from glossbench.runner import Progress, run_study
 from glossbench.shading import METHODS, Method, stage
 from glossbench.study import Study, load_study
+from glossbench.tuning import tune_option
 from glossbench.yaml_marks import read_document
 
 TIMES = ["stage_seconds", "update_seconds", "shade_seconds", "reference_seconds"]
@@ -386,9 +387,7 @@ def test_one_stage_serves_all_methods_and_budgets(study_of, tmp_path):
     for_one = CALLS["mean_light"]
     CALLS.clear()
 
-    run_study(
-        study_of(methods="[{flat: {samples: [1, 2, 3]}}, {other: {samples: [1, 2]}}]"), tmp_path / "two"
-    )
+    run_study(study_of(methods="[{flat: {samples: [1, 2, 3]}}, {other: {samples: [1, 2]}}]"), tmp_path / "two")
 
     # A stage is timed, so it runs several times, but no oftener for five cells than for three.
     cells = Results(tmp_path / "two").cells

@@ -51,9 +51,7 @@ def check_frames(points):
     t, b, n, wo = (stack(v).double() for v in (points.t, points.b, points.n, points.wo))
     frame = torch.stack([t, b, n], dim=1)
     # Measured 8e-8: float32. Determinant +1 is right-handed.
-    torch.testing.assert_close(
-        frame @ frame.mT, torch.eye(3).double().expand(len(n), 3, 3), rtol=0, atol=1e-6
-    )
+    torch.testing.assert_close(frame @ frame.mT, torch.eye(3).double().expand(len(n), 3, 3), rtol=0, atol=1e-6)
     torch.testing.assert_close(torch.linalg.det(frame), torch.ones(len(n)).double(), rtol=0, atol=1e-6)
     # Along circles of latitude, counter-clockwise seen from above: no height, and it turns about +y.
     assert t[:, 1].abs().max() == 0

@@ -185,9 +185,7 @@ def test_a_list_is_one_value_where_the_option_takes_it(write, stated, widths):
 
 
 def test_zip_pairs_options_and_multiplies_with_others(write):
-    study = load_study(
-        write(a_study(methods="{sampler: {zip: {samples: [1, 2], bias: [-1, 1]}, gain: [5, 6]}}"))
-    )
+    study = load_study(write(a_study(methods="{sampler: {zip: {samples: [1, 2], bias: [-1, 1]}, gain: [5, 6]}}")))
 
     expected = [(1, -1, 5), (1, -1, 6), (2, 1, 5), (2, 1, 6)]
     assert options_of(study.methods, "samples", "bias", "gain") == expected
@@ -265,9 +263,7 @@ def test_exclude_spares_a_method_that_lacks_the_option(write):
 
 
 def test_numbers_are_those_of_yaml_1_2(write):
-    text = a_study(
-        reference="{relative_error: 1e-2}", methods="{sampler: {samples: 010, bias: -1.5e0, gain: .5}}"
-    )
+    text = a_study(reference="{relative_error: 1e-2}", methods="{sampler: {samples: 010, bias: -1.5e0, gain: .5}}")
 
     study = load_study(write(text))
 
@@ -808,10 +804,7 @@ WRONG = [
     ),
     (
         a_study(claims="[{text: A, value: sampler, of: rms, equals: 1, where: {sample: 1}}]"),
-        (
-            "6:72: claims[0].where.sample: no option 'sample' of its methods or materials; did you mean "
-            "'samples'?"
-        ),
+        ("6:72: claims[0].where.sample: no option 'sample' of its methods or materials; did you mean 'samples'?"),
     ),
     (
         a_study(claims="[{text: A, value: sampler, of: rms, equals: 1, where: {light: glo}}]"),
@@ -847,9 +840,7 @@ def test_aliases_that_stand_for_gigabytes_are_refused(write):
 
 def test_an_alias_of_modest_size_is_welcome(write):
     """Twin of the above: it is not aliases that are refused."""
-    text = a_study(
-        methods="\n- sampler: &s {samples: [1, 2]}\n- needy: {width: 2}", light="{glow: &g {seed: 3}}"
-    )
+    text = a_study(methods="\n- sampler: &s {samples: [1, 2]}\n- needy: {width: 2}", light="{glow: &g {seed: 3}}")
 
     study = load_study(write(text.replace("view: round", "view: {round: {resolution: &r 4}}")))
 

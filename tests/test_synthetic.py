@@ -31,9 +31,7 @@ def test_a_spot_does_not_move_with_the_resolution():
 
     cos = (centre(64) @ centre(256)).item()
 
-    assert (
-        np.degrees(np.arccos(min(cos, 1))) < 10
-    )  # within one disc: the brightest texel is any of its inside
+    assert np.degrees(np.arccos(min(cos, 1))) < 10  # within one disc: the brightest texel is any of its inside
 
 
 def diameters_and_peaks(resolution=128):

@@ -6,7 +6,7 @@ from math import pi
 from typing import Annotated, Any, NamedTuple
 
 import torch
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe, Sample, channels
@@ -107,7 +107,7 @@ class Kurt(Material):
         shadowing: the paper's exponent alpha, in [0, 1].
         ks: factor of the lobe, a scalar or RGB in [0, 1].
         kd: diffuse albedo, a scalar or RGB in [0, 1].
-        lobes: several lobes, each a mapping of m, f0, shadowing, ks; they replace the four options above.
+        lobes: up to 16 lobes, each a mapping of m, f0, shadowing, ks; they replace the four options above.
 
     Source: Kurt et al. 2010; Luksch et al. 2014 eq. 1 to 5.
     """
@@ -117,7 +117,7 @@ class Kurt(Material):
     shadowing: Fraction = 0.0
     ks: Color = (1.0, 1.0, 1.0)
     kd: Color = (0.0, 0.0, 0.0)
-    lobes: Annotated[tuple[KurtLobe, ...], BeforeValidator(_lobes)] = ()
+    lobes: Annotated[tuple[KurtLobe, ...], Field(max_length=16), BeforeValidator(_lobes)] = ()
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""

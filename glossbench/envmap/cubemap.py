@@ -14,9 +14,10 @@ with +y up; forward is -z (face 5), so a vertical cross unfolds into faces witho
 Texel centres lie at half-integers: column i of R columns has s = (2 i + 1) / R - 1 in [-1, 1].
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import pi
 from typing import Self
+from uuid import uuid4
 
 import torch
 from torch import Tensor
@@ -38,11 +39,11 @@ class CubeMap:
 
     Attributes:
         faces: radiance (6, R, R, 3), float32, finite, not negative, linear Rec. 709; R a power of two.
-        key: what the light is, as text: a hash of the file or the options that made it.
+        key: what the light is, as text: a hash of the file or the options that made it; unique where nothing is given.
     """
 
     faces: Tensor
-    key: str = ""
+    key: str = field(default_factory=lambda: f"unnamed {uuid4().hex}")
 
     def __post_init__(self) -> None:
         shape = tuple(self.faces.shape)
@@ -94,9 +95,9 @@ def texel_directions(resolution: int, samples: int = 1) -> Vec3:
 def face_directions(s: Tensor, t: Tensor) -> Vec3:
     """Unit directions (6, ...) float32 at face coordinates s (right), t (down) in [-1, 1] on each of the six faces."""
     shape = (6, *([1] * s.dim()))
-    axes = [(n.view(shape), r.view(shape), d.view(shape))
-            for n, r, d in zip(_NORMALS.double().T, _RIGHT.double().T, _DOWN.double().T, strict=True)]  # fmt: skip
-    v = normalize(Vec3(*(n + r * s + d * t for n, r, d in axes)))
+    tables = (table.to(s.device).double().T for table in (_NORMALS, _RIGHT, _DOWN))
+    axes = zip(*tables, strict=True)
+    v = normalize(Vec3(*(n.view(shape) + r.view(shape) * s + d.view(shape) * t for n, r, d in axes)))
     return Vec3(v.x.float(), v.y.float(), v.z.float())
 
 
