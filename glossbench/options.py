@@ -1,6 +1,7 @@
 """Options: frozen dataclasses whose annotations are their bounds, checked alike from YAML and from Python."""
 
 import dataclasses
+import json
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self, dataclass_transform, get_type_hints
 
@@ -60,6 +61,10 @@ class Options:
         """All options with their values, as JSON types."""
         adapters = _adapters(type(self))
         return {key: adapter.dump_python(getattr(self, key), mode="json") for key, adapter in adapters.items()}
+
+    def key(self) -> str:
+        """Text that changes whenever what the options mean may change: of a file, its bytes rather than its name."""
+        return f"{self.name}:{json.dumps(self.as_dict(), sort_keys=True)}"
 
 
 def option_names(cls: type[Options]) -> tuple[str, ...]:

@@ -86,7 +86,7 @@ class Results:
         results = cls(folder)
         for name in ("cells.parquet", "study.yaml", "claims.json", "provenance.json"):
             if not (results.folder / name).is_file():
-                raise InputError(f"{results.folder} holds no results of a finished run: there is no {name} in it")
+                raise InputError(f"{results.folder} holds no results: there is no {name} in it")
         return results
 
     def create(self) -> None:

@@ -260,5 +260,6 @@ class _Executor:
 
 
 def _stated(registry: Registry[Any], item: Item) -> list[Any]:
-    """All that makes an item what it is: name, options, and the source of its class."""
-    return [item.name, item.spelled(), source_hash(registry.get(item.name))]
+    """All that makes an item what it is: name, options as stated and what they mean, and the source of its class."""
+    meaning = registry.create(item.name, item.options).key()
+    return [item.name, item.spelled(), meaning, source_hash(registry.get(item.name))]

@@ -25,10 +25,6 @@ class Light(Options):
         """The radiance itself."""
         raise NotImplementedError
 
-    def key(self) -> str:
-        """Text that changes whenever the radiance may change."""
-        return f"{self.name}:{json.dumps(self.as_dict(), sort_keys=True)}"
-
 
 LIGHTS: Registry[Light] = Registry("light", "glossbench.envmap", "glossbench.lights")
 
