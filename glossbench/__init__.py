@@ -11,8 +11,12 @@ The same names and options as in a study:
     gb.metric("rms")(image, truth)
 """
 
+import os
 from pathlib import Path
 from typing import Any
+
+# Before torch starts its threads, which on a busy machine would spin while they wait (docs/decisions/006).
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 from glossbench.brdf.material import MATERIALS, Material
 from glossbench.envmap.cubemap import CubeMap
