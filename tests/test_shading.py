@@ -78,6 +78,21 @@ def test_a_stage_is_shared_by_options_that_it_does_not_read_and_by_no_others():
     assert len(CALLS) == 2  # one for each gain
 
 
+def test_a_stage_made_without_timing_is_timed_warm_when_its_time_counts():
+    CALLS.clear()
+    cache = StageCache()
+
+    shade(Chain(), LIGHT, MATERIAL, VIEW, cache=cache, time_it=False)
+    n_untimed = len(CALLS)
+    shade(Chain(), LIGHT, MATERIAL, VIEW, cache=cache, time_it=True)
+    n_timed = len(CALLS)
+    shade(Chain(), LIGHT, MATERIAL, VIEW, cache=cache, time_it=True)
+
+    assert n_untimed == 1
+    assert n_timed >= 3  # a warming run and at least one that counts
+    assert len(CALLS) == n_timed
+
+
 class AbstractValue(Method):
     """A stage that asks a helper, which each subclass has for itself."""
 
