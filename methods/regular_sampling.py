@@ -58,7 +58,7 @@ class RegularSampling(Method):
 
     Source: Luksch et al. 2014 eq. 11 to 18. Differs: the constants of eq. 12 (see `sample_pattern`); the angles of
     eq. 14 end at 85 degrees, short of the pole of eq. 15; a lobe other than Beckmann's is cut where its own slope
-    density falls to xi.
+    density falls to xi; about an off-specular lobe's axis the pattern lies as if that were the mirror direction.
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 16)] = 40
@@ -140,16 +140,17 @@ def _on(pattern: Pattern, device: str) -> Pattern:
 def _kernel(points: ShadingPoints, lobe: Lobe, pattern: Pattern, pyramid: Pyramid, bias: Tensor) -> Tensor:
     """Sum over the pattern of one lobe."""
     wo, h = points.wo_local(), pattern.h
-    c = dot(wo, h)
-    wi = reflect(wo, h)
-    c = c.clamp(min=1e-4)
-    # (c > 0 follows from wi_z > 0 but where both are tiny, and there the cosine leaves nothing.)
-    value = torch.where((wi.z > 0) & (dot(wo, h) > 0), lobe.V(wo, wi, c) * c * wi.z * pattern.factor, 0.0)
+    viewer = lobe.viewer(wo)
+    wi = reflect(viewer, h)
+    visible = (wi.z > 0) & (dot(viewer, h) > 0)
+    c = dot(viewer, h).clamp(min=1e-4)
+    measure = c * wi.z * pattern.factor
+    weight = tuple(torch.where(visible, f * measure, 0.0) for f in lobe.f_over_D(wo, wi, h, c))
     d = to_world(wi, points.t, points.b, points.n)
     major = torch.maximum(torch.maximum(d.x.abs(), d.y.abs()), d.z.abs())
     texels = pyramid.sizes[0] ** 2 / (4 * pattern.factor.shape[1])
-    lod = 0.5 * torch.log2(lobe_area(wo, pattern.u, pattern.v) * texels / (major * c)) + bias
-    return weighted_radiance(pyramid, d, lod.clamp(min=0), tuple(F * value for F in lobe.F(c)))
+    lod = 0.5 * torch.log2(lobe_area(viewer, pattern.u, pattern.v) * texels / (major * c)) + bias
+    return weighted_radiance(pyramid, d, lod.clamp(min=0), weight)
 
 
 def lobe_area(wo: Vec3, u: Vec3, v: Vec3) -> Tensor:

@@ -8,7 +8,8 @@ import torch
 from scipy.stats import t as student
 
 from glossbench.brdf.ggx import GGX, TrowbridgeReitz
-from glossbench.brdf.kurt import Beckmann, Kurt
+from glossbench.brdf.kurt import Kurt
+from glossbench.brdf.microfacet import Beckmann
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.synthetic import Constant
 from glossbench.ground_truth import compute_reference

@@ -14,7 +14,8 @@ from scipy.stats import t as student
 
 from glossbench import ground_truth
 from glossbench.brdf.ggx import GGX
-from glossbench.brdf.kurt import Beckmann, Kurt
+from glossbench.brdf.kurt import Kurt
+from glossbench.brdf.microfacet import Beckmann
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.synthetic import Constant, SingleTexel
 from glossbench.errors import InputError

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from glossbench.brdf.lobe import Lobe, Sample, channels
+from glossbench.brdf.lobe import Sample, channels
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.brdf.microfacet import Microfacet
 from glossbench.directions import Vec3, dot, normalize, reflect
 from glossbench.options import Color, Widths
 
@@ -21,7 +22,7 @@ class DiskPoints(NamedTuple):
 
 
 @dataclass(frozen=True)
-class TrowbridgeReitz(Lobe):
+class TrowbridgeReitz(Microfacet):
     """f = ks F(c) D(h) G2(wo, wi) / (4 cos_i cos_o).
 
     D(h) = 1 / (pi a_x a_y cos_h^4 (1 + slope2)^2); G2 = 1 / (1 + L(wo) + L(wi));
@@ -38,7 +39,7 @@ class TrowbridgeReitz(Lobe):
         """sqrt(1 / sqrt(q) - 1)"""
         return torch.sqrt(torch.rsqrt(q) - 1)
 
-    def V(self, wo: Vec3, wi: Vec3, c: Tensor) -> Tensor:
+    def V(self, wo: Vec3, wi: Vec3, h: Vec3, c: Tensor) -> Tensor:
         """G2 / (4 cos_i cos_o)"""
         return 1 / ((1 + self._lambda(wo) + self._lambda(wi)) * 4 * wo.z * wi.z)
 
@@ -101,5 +102,5 @@ class GGX(Material):
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
         a_x, a_y = (torch.tensor(a, dtype=torch.float32, device=device) for a in self.alpha)
-        lobe = TrowbridgeReitz((a_x, a_y), channels(self.f0, device), channels(self.ks, device))
+        lobe = TrowbridgeReitz((a_x, a_y), channels(self.ks, device), channels(self.f0, device))
         return Reflectance(channels(self.kd, device) if any(self.kd) else (), (lobe,))

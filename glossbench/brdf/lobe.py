@@ -1,4 +1,4 @@
-"""Glossy lobes: microfacet reflection f = ks F(wo.h) D(h) V(wo, wi), and what samples it.
+"""Glossy lobes: one summand of a BRDF with what evaluates it, what samples it, and what lays a pattern over it.
 
 Letters: wo to the viewer, wi to the light, h half vector, all unit and in the local frame, z along the normal;
 c = wo . h; u uniform points of the unit square. What depends on the sample only has shape (1, N) and is computed
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from glossbench.directions import Vec3, dot, half_vector
+from glossbench.directions import Vec3
 
 Channels = tuple[Tensor, ...]  # one tensor for a grey quantity, three for red, green and blue
 
@@ -29,29 +29,30 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class Lobe:
-    """A microfacet lobe with tensors for parameters.
+    """A lobe with tensors for parameters.
+
+    A lobe that is no function of the half vector still has a density D of half vectors, near to the half vectors of
+    its own directions: a fixed pattern of them (regular sampling) is laid out by it. By default D is Beckmann's.
 
     Attributes:
-        widths: of the distribution along t and b: Beckmann slopes m_x, m_y or GGX alpha_x, alpha_y.
-        f0: reflectance at normal incidence, a channel.
+        widths: of D along t and b: Beckmann slopes m_x, m_y or GGX alpha_x, alpha_y.
         ks: factor of the whole lobe, a channel.
     """
 
     widths: tuple[Tensor, Tensor]
-    f0: Channels
     ks: Channels
 
-    def q(self, slope2: Tensor) -> Tensor:
-        """Density of the slope, over its peak, where (h_x/(w_x h_z))^2 + (h_y/(w_y h_z))^2 = slope2; 1 at 0."""
+    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, Tensor]:
+        """`f` and `pdf`, which share much."""
         raise NotImplementedError
 
-    def slope_at(self, q: Tensor) -> Tensor:
-        """The root of slope2 where the slope density has fallen to q of its peak: the inverse of `q`."""
-        raise NotImplementedError
+    def f(self, wo: Vec3, wi: Vec3) -> Channels:
+        """Value [1/sr] a channel, the cosine not included; zero when a direction is below the surface."""
+        return self.f_and_pdf(wo, wi)[0]
 
-    def V(self, wo: Vec3, wi: Vec3, c: Tensor) -> Tensor:
-        """f over D F ks: shadowing and the change of measure."""
-        raise NotImplementedError
+    def pdf(self, wo: Vec3, wi: Vec3) -> Tensor:
+        """Density [1/sr] of `sample` at wi; zero below the surface, although samples fall there too."""
+        return self.f_and_pdf(wo, wi)[1]
 
     def sample_points(self, u: Tensor) -> Any:
         """What of a sample depends on u (N, 2) only."""
@@ -61,9 +62,17 @@ class Lobe:
         """Light directions for these sample points."""
         raise NotImplementedError
 
-    def pdf_over_D(self, wo: Vec3, h: Vec3, c: Tensor) -> Tensor:
-        """Density [1/sr] of `sample` at the reflection of wo at h, over D(h)."""
-        raise NotImplementedError
+    def viewer(self, wo: Vec3) -> Vec3:
+        """The direction whose mirror direction is the lobe's axis: wo itself, but for lobes that are off-specular."""
+        return wo
+
+    def q(self, slope2: Tensor) -> Tensor:
+        """Density of the slope, over its peak, where (h_x/(w_x h_z))^2 + (h_y/(w_y h_z))^2 = slope2: exp(-slope2)."""
+        return torch.exp(-slope2)
+
+    def slope_at(self, q: Tensor) -> Tensor:
+        """The root of slope2 where the slope density has fallen to q of its peak, the inverse of `q`: sqrt(-log q)."""
+        return torch.sqrt(-torch.log(q))
 
     def slope2(self, h: Vec3) -> Tensor:
         """(h_x / (w_x h_z))^2 + (h_y / (w_y h_z))^2"""
@@ -71,40 +80,18 @@ class Lobe:
         return x * x + y * y
 
     def D(self, h: Vec3) -> Tensor:
-        """Microfacet density q / (pi w_x w_y cos_h^4) [1/sr], integral of D cos_h = 1 over the hemisphere."""
+        """Half vector density q / (pi w_x w_y cos_h^4) [1/sr], integral of D cos_h = 1 over the hemisphere."""
         cos2 = h.z * h.z
         return self.q(self.slope2(h)) / (torch.pi * self.widths[0] * self.widths[1] * cos2 * cos2)
 
-    def F(self, c: Tensor) -> Channels:
-        """ks (f0 + (1 - f0) (1 - c)^5), Schlick 1994, the lobe's factor included."""
-        m = 1 - c
-        m2 = m * m
-        schlick = m2 * m2 * m
-        n = max(len(self.f0), len(self.ks))
-        pairs = zip(_widen(self.f0, n), _widen(self.ks, n), strict=True)
-        return tuple(ks * (f0 + (1 - f0) * schlick) for f0, ks in pairs)
-
-    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, Tensor]:
-        """`f` and `pdf`, which share the half vector and D."""
-        h = half_vector(wo, wi)
-        c = dot(wo, h)
+    def f_over_D(self, wo: Vec3, wi: Vec3, h: Vec3, c: Tensor) -> Channels:
+        """f(wo, wi) / D(h) a channel, for wi the mirror direction of `viewer(wo)` at h, and c = viewer(wo) . h."""
         D = self.D(h)
-        # Below the surface D and V may overflow: the mask is last, and NaN does not pass a where.
-        above = (wo.z > 0) & (wi.z > 0)
-        value = torch.where(above, D * self.V(wo, wi, c), 0.0)
-        pdf = torch.where(above, D * self.pdf_over_D(wo, h, c), 0.0)
-        return tuple(F * value for F in self.F(c)), pdf
-
-    def f(self, wo: Vec3, wi: Vec3) -> Channels:
-        """ks F D V [1/sr] a channel, the cosine not included; zero when a direction is below the surface."""
-        return self.f_and_pdf(wo, wi)[0]
-
-    def pdf(self, wo: Vec3, wi: Vec3) -> Tensor:
-        """Density [1/sr] of `sample` at wi; zero below the surface, although samples fall there too."""
-        return self.f_and_pdf(wo, wi)[1]
+        return tuple(f / D for f in self.f(wo, wi))
 
 
-def _widen(channels: Channels, n: int) -> Channels:
+def widen(channels: Channels, n: int) -> Channels:
+    """A grey quantity as n channels."""
     return channels * n if len(channels) == 1 else channels
 
 
@@ -113,7 +100,7 @@ def add(a: Channels, b: Channels) -> Channels:
     if not a or not b:
         return a or b
     n = max(len(a), len(b))
-    return tuple(x + y for x, y in zip(_widen(a, n), _widen(b, n), strict=True))
+    return tuple(x + y for x, y in zip(widen(a, n), widen(b, n), strict=True))
 
 
 def channels(color: tuple[float, ...], device: str) -> Channels:
