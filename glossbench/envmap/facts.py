@@ -1,0 +1,84 @@
+"""Facts of a light: what it holds in a dozen numbers."""
+
+from dataclasses import dataclass
+from math import pi
+
+import torch
+from torch import Tensor
+
+from glossbench.directions import vec3
+from glossbench.envmap.cubemap import CubeMap, texel_solid_angles
+from glossbench.envmap.importance import LUMINANCE
+
+Color = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class LightFacts:
+    """What a light holds; means, shares and percentiles are over the sphere, by exact solid angle.
+
+    Luminance is that of linear Rec. 709, 0.2126 R + 0.7152 G + 0.0722 B. All of the cube map, after resampling.
+
+    Attributes:
+        resolution: texels along the edge of a face.
+        mean: radiance, RGB.
+        peak: largest luminance.
+        dynamic_range: peak / the luminance below which lies 1 % of the sphere that is not black; 1 of a black light.
+        brightest_share: part of the total luminance in the brightest 0.1 % of the sphere, [0, 1]; 0 of a black light.
+        irradiance_up, irradiance_right, irradiance_forward: integral of L cos about +y, +x, -z, RGB.
+        projection: of the image that it came from, None of a light that is no image.
+        width, height: of that image in pixels.
+        image_peak: largest luminance of its pixels; `peak` is lower where a lamp is smaller than a texel.
+    """
+
+    resolution: int
+    mean: Color
+    peak: float
+    dynamic_range: float
+    brightest_share: float
+    irradiance_up: Color
+    irradiance_right: Color
+    irradiance_forward: Color
+    projection: str | None = None
+    width: int | None = None
+    height: int | None = None
+    image_peak: float | None = None
+
+
+def facts(cubemap: CubeMap, projection: str | None = None, image: Tensor | None = None) -> LightFacts:
+    """The facts of a cube map, and of the image (H, W, 3) in a projection that it came from where there is one."""
+    weights = torch.tensor(LUMINANCE).double()
+    resolution = cubemap.resolution
+    solid_angle = texel_solid_angles(resolution).expand(6, -1, -1).flatten()
+    luminance, order = (cubemap.faces.cpu().double() @ weights).flatten().sort(descending=True)
+    area, peak = solid_angle[order].cumsum(0), luminance[0].item()
+    flux = (luminance * solid_angle[order]).cumsum(0)
+    lit = luminance > 0
+    dim = _at(area[lit] / area[lit][-1], luminance[lit], 0.99) if peak > 0 else 1.0
+    e = cubemap.irradiance(vec3(torch.tensor([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))).tolist()
+    return LightFacts(
+        resolution=resolution,
+        mean=tuple(cubemap.mean().tolist()),
+        peak=peak,
+        dynamic_range=peak / dim if peak > 0 else 1.0,
+        brightest_share=_between(area, flux, 0.001 * 4 * pi) / flux[-1].item() if peak > 0 else 0.0,
+        irradiance_up=tuple(e[0]),
+        irradiance_right=tuple(e[1]),
+        irradiance_forward=tuple(e[2]),
+        projection=projection,
+        width=None if image is None else image.shape[1],
+        height=None if image is None else image.shape[0],
+        image_peak=None if image is None else (image.double() @ weights).max().item(),
+    )
+
+
+def _at(x: Tensor, y: Tensor, value: float) -> float:
+    """y where the increasing x first reaches a value."""
+    return y[torch.searchsorted(x, value).clamp(max=len(x) - 1)].item()
+
+
+def _between(x: Tensor, y: Tensor, value: float) -> float:
+    """y at a value of the increasing x, linear between (0, 0) and the points."""
+    i = int(torch.searchsorted(x, value).clamp(max=len(x) - 1))
+    x0, y0 = (x[i - 1].item(), y[i - 1].item()) if i else (0.0, 0.0)
+    return y0 + (y[i].item() - y0) * min((value - x0) / (x[i].item() - x0), 1.0)

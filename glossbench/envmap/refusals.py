@@ -1,0 +1,31 @@
+"""What is refused alike in every image format, before anything is allocated or trusted."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from glossbench.errors import InputError
+
+MAX_PIXELS = 2**28  # 3 GB as float32 RGB: a larger header is damaged, not ambitious
+
+
+def damaged(path: Path, kind: str, reason: str) -> InputError:
+    """The error for a file whose bytes are not what its format says: one line, whatever the library wrote."""
+    # Libraries repeat the path, and may report one fault in several lines: the first says what happened.
+    first = next((line for line in reason.strip().splitlines() if line), "no reason given")
+    return InputError(f"{path}: is truncated or damaged as {kind}: {first.replace(f'({path})', '').strip()}")
+
+
+def check_size(path: Path, kind: str, width: int, height: int) -> None:
+    """InputError for a header that claims no pixels, or more than 2^28."""
+    if min(width, height) < 1:
+        raise damaged(path, kind, f"it must have at least 1x1 pixels, its header claims {width}x{height}")
+    if width * height > MAX_PIXELS:
+        raise InputError(f"{path}: must have at most {MAX_PIXELS} pixels, its header claims {width} x {height}")
+
+
+def last_error(report: Callable[[], str]) -> str:
+    """What the reading library says of its last failure; asking clears it."""
+    try:
+        return report()
+    except UnicodeDecodeError:
+        return "unreadable header"  # it quotes the damaged bytes
