@@ -10,7 +10,7 @@ from glossbench.directions import stack
 from glossbench.envmap.cubemap import CubeMap, texel_directions
 from glossbench.envmap.lights import LIGHTS, Light
 from glossbench.errors import InputError
-from glossbench.options import NonNegative, Radiance, Resolution
+from glossbench.options import NonNegative, Radiance, Resolution, Seed
 
 
 @LIGHTS.register("constant")
@@ -115,7 +115,7 @@ class Spots(Light):
     Source: Luksch et al. 2014 section 8 (sizes, 1 : 3000 and 1024); number, colours and sky are ours.
     """
 
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
     n_spots: Annotated[int, Field(ge=0, le=1000)] = 24
     contrast: Annotated[float, Field(ge=1, le=1e6)] = 3000.0
     resolution: Resolution = 1024
