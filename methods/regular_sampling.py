@@ -58,7 +58,7 @@ class RegularSampling(Method):
 
     Source: Luksch et al. 2014 eq. 11 to 18. Differs: the constants of eq. 12 (see `sample_pattern`); the angles of
     eq. 14 end at 85 degrees, short of the pole of eq. 15; a lobe other than Beckmann's is cut where its own slope
-    density falls to xi; about an off-specular lobe's axis the pattern lies as if that were the mirror direction.
+    density falls to xi; the pattern of a cosine lobe lies about its axis.
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 16)] = 40
@@ -141,7 +141,7 @@ def _kernel(points: ShadingPoints, lobe: Lobe, pattern: Pattern, pyramid: Pyrami
     """Sum over the pattern of one lobe."""
     wo, h = points.wo_local(), pattern.h
     viewer = lobe.viewer(wo)
-    wi = reflect(viewer, h)
+    wi = lobe.to_surface(wo, reflect(viewer, h))
     visible = (wi.z > 0) & (dot(viewer, h) > 0)
     c = dot(viewer, h).clamp(min=1e-4)
     measure = c * wi.z * pattern.factor

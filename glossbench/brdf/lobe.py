@@ -63,8 +63,12 @@ class Lobe:
         raise NotImplementedError
 
     def viewer(self, wo: Vec3) -> Vec3:
-        """The direction whose mirror direction is the lobe's axis: wo itself, but for lobes that are off-specular."""
+        """The viewer in the lobe's own frame, where the normal is that of a pattern of half vectors: wo itself."""
         return wo
+
+    def to_surface(self, wo: Vec3, d: Vec3) -> Vec3:
+        """A direction of the lobe's own frame in the local frame: itself, but for a lobe about an axis of its own."""
+        return d
 
     def q(self, slope2: Tensor) -> Tensor:
         """Density of the slope, over its peak, where (h_x/(w_x h_z))^2 + (h_y/(w_y h_z))^2 = slope2: exp(-slope2)."""
@@ -85,7 +89,7 @@ class Lobe:
         return self.q(self.slope2(h)) / (torch.pi * self.widths[0] * self.widths[1] * cos2 * cos2)
 
     def f_over_D(self, wo: Vec3, wi: Vec3, h: Vec3, c: Tensor) -> Channels:
-        """f(wo, wi) / D(h) a channel, for wi the mirror direction of `viewer(wo)` at h, and c = viewer(wo) . h."""
+        """f(wo, wi) / D(h) a channel, wi = to_surface(wo, mirror direction of viewer(wo) at h), c = viewer(wo) . h."""
         D = self.D(h)
         return tuple(f / D for f in self.f(wo, wi))
 

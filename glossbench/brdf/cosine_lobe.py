@@ -1,0 +1,96 @@
+"""Generalised cosine lobes: a power of the cosine to an axis that a diagonal matrix makes of wo."""
+
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Annotated, NamedTuple
+
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from glossbench.brdf.lobe import Channels, Lobe, Sample, channels
+from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
+
+Exponent = Annotated[float, Field(ge=0, le=1e5)]  # of a cosine
+MIRROR = (-1.0, -1.0, 1.0)  # the diagonal that makes the mirror direction of wo
+
+
+class CosinePoints(NamedTuple):
+    """Directions about +z (1, N) with density (s + 1) / (2 pi) cos^s, and that density (1, N)."""
+
+    direction: Vec3
+    pdf: Tensor
+
+
+@dataclass(frozen=True)
+class CosineLobe(Lobe):
+    """f = ks (s + 2) / (2 pi) max(C_x wo_x wi_x + C_y wo_y wi_y + C_z wo_z wi_z, 0)^s, the largest |C_k| being 1.
+
+    With the axis a = C wo / |C wo| that is ks (s + 2) / (2 pi) |C wo|^s max(wi . a, 0)^s. The albedo is at most ks:
+    (wi . a)^s cos_i integrates to no more than 2 pi / (s + 2), its value for a = n, and |C wo| <= 1. Sampled by
+    (s + 1) / (2 pi) (wi . a)^s about a; what falls below the surface counts nothing.
+
+    Attributes:
+        C: diagonal of the matrix.
+        s: exponent of the cosine; for 0 the lobe is constant on the hemisphere about a.
+
+    Source: Lafortune et al. 1997 eq. 4 for f; Lafortune and Willems 1994 for the density.
+    """
+
+    C: Vec3
+    s: Tensor
+
+    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, Tensor]:
+        """`f` and `pdf`, which share (wi . a)^s."""
+        a = self._axis(wo)
+        # 1 - cos is half the squared chord: of a cosine near 1 float32 has no digits left for a large s.
+        chord = Vec3(wi.x - a.x, wi.y - a.y, wi.z - a.z)
+        away = dot(chord, chord) / 2
+        facing = (wo.z > 0) & (wi.z > 0) & (away < 1)
+        power = torch.where(facing, torch.exp(self.s * torch.log1p(-away.clamp(max=1 - 2.0**-24))), 0.0)
+        value = (self.s + 2) / (2 * pi) * self._shrinkage(wo) * power
+        return tuple(ks * value for ks in self.ks), (self.s + 1) / (2 * pi) * power
+
+    def sample_points(self, u: Tensor) -> CosinePoints:
+        """cos = u1^(1 / (s + 1)), phi = 2 pi u2."""
+        exponent, phi = torch.log(u[:, 0]) / (self.s + 1), 2 * pi * u[:, 1]
+        away = -torch.expm1(exponent)  # 1 - cos, with all its digits
+        sin = torch.sqrt(away * (2 - away))
+        direction = Vec3(*(c[None] for c in (sin * torch.cos(phi), sin * torch.sin(phi), 1 - away)))
+        return CosinePoints(direction, ((self.s + 1) / (2 * pi) * torch.exp(self.s * exponent))[None])
+
+    def sample(self, wo: Vec3, points: CosinePoints) -> Sample:
+        """The points about a. (wi . a)^s cancels: f cos_i / pdf = ks (s + 2) / (s + 1) |C wo|^s cos_i."""
+        wi = self.to_surface(wo, points.direction)
+        weight = (self.s + 2) / (self.s + 1) * self._shrinkage(wo) * wi.z.clamp(min=0)
+        return Sample(wi, points.pdf, tuple(ks * weight for ks in self.ks))
+
+    def viewer(self, wo: Vec3) -> Vec3:
+        """Along the axis: the lobe looks the same from wherever it is seen."""
+        zero = torch.zeros_like(wo.z)
+        return Vec3(zero, zero, zero + 1)
+
+    def to_surface(self, wo: Vec3, d: Vec3) -> Vec3:
+        """The frame's z becomes the axis: half a turn about the vector halfway between them."""
+        return reflect(d, half_vector(self.viewer(wo), self._axis(wo)))
+
+    def _axis(self, wo: Vec3) -> Vec3:
+        return normalize(Vec3(self.C.x * wo.x, self.C.y * wo.y, self.C.z * wo.z))
+
+    def _shrinkage(self, wo: Vec3) -> Tensor:
+        """|C wo|^s"""
+        # From 1 - |C wo|^2, which is exact for a mirror: a large s would amplify the rounding of |C wo|.
+        lost = (1 - self.C.x**2) * wo.x**2 + (1 - self.C.y**2) * wo.y**2 + (1 - self.C.z**2) * wo.z**2
+        return torch.exp(self.s / 2 * torch.log1p(-lost.clamp(max=1 - 2.0**-24)))
+
+
+def cosine_lobe(C: tuple[float, float, float], s: float, ks: tuple[float, ...], device: str) -> CosineLobe:
+    """A lobe on a device, for a diagonal of any length, which is scaled to its largest component.
+
+    As half vectors lie at half the angle, cos^s(2 theta_h) ~ exp(-2 s tan^2(theta_h)): its Beckmann slopes are
+    1 / sqrt(2 s), bounded by 1.
+    """
+    largest = max(map(abs, C))
+    diagonal = Vec3(*(torch.tensor(k / largest, dtype=torch.float32, device=device) for k in C))
+    m = torch.tensor(1 / sqrt(max(2 * s, 1.0)), dtype=torch.float32, device=device)
+    return CosineLobe((m, m), channels(ks, device), diagonal, torch.tensor(s, dtype=torch.float32, device=device))

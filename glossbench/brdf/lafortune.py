@@ -1,0 +1,89 @@
+"""The model of Lafortune, Foo, Torrance and Greenberg 1997: a sum of generalised cosine lobes."""
+
+from collections.abc import Mapping
+from math import exp, log, pi
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe, Exponent, cosine_lobe
+from glossbench.brdf.lobe import channels
+from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.errors import InputError
+from glossbench.options import Color, Finite, Options
+from glossbench.options import Radiance as Factor  # a scalar or RGB, not negative
+
+
+def _nonzero(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(value):
+        raise ValueError("must have a component other than 0")
+    return value
+
+
+Diagonal = Annotated[tuple[Finite, Finite, Finite], AfterValidator(_nonzero)]
+
+
+class LafortuneLobe(Options):
+    """One lobe of several: options as those of the model itself."""
+
+    name = "lobe"
+
+    C: Diagonal = MIRROR
+    s: Exponent = 20.0
+    ks: Factor = (1.0, 1.0, 1.0)
+
+
+def _lobe(value: Any) -> Any:
+    return LafortuneLobe.create(value) if isinstance(value, Mapping) else value
+
+
+@MATERIALS.register("lafortune")
+class Lafortune(Material):
+    """f(wo, wi) = kd / pi + sum over lobes of ks N max(C_x wo_x wi_x + C_y wo_y wi_y + C_z wo_z wi_z, 0)^s.
+
+    -C_x = -C_y = C_z is a Phong lobe, -C_x = -C_y > C_z an off-specular one that grows towards grazing views;
+    C_x = C_y > 0 sends light back to where it came from, C_x != C_y is anisotropic. Reciprocal. The albedo of a lobe
+    is at most ks N 2 pi max|C_k|^s / (s + 2), reached along the normal where C_z is the largest: energy is conserved
+    where these bounds and kd sum to no more than 1. That is not asked for, as fits to measurements exceed it.
+
+    Attributes:
+        C: C_x, C_y, C_z, of any sign, not all 0.
+        s: the paper's exponent n, in [0, 1e5].
+        ks: the paper's rho_s, a scalar or RGB >= 0.
+        kd: diffuse albedo, a scalar or RGB in [0, 1].
+        normalisation: "albedo", N = (s + 2) / (2 pi max|C_k|^s), so that ks bounds the albedo of its lobe and the
+            length of C does not count; "none", N = 1, so that it does, as in published fits of the paper's eq. 4.
+        lobes: up to 16 lobes, each a mapping of C, s, ks; they replace the three options above. A fit that has a C
+            or an exponent a colour channel has a lobe for each, of a ks of that channel alone.
+
+    Source: Lafortune et al. 1997 eq. 4; the normalisation as Ngan et al. 2005 use it in their fits.
+    """
+
+    C: Diagonal = MIRROR
+    s: Exponent = 20.0
+    ks: Factor = (1.0, 1.0, 1.0)
+    kd: Color = (0.0, 0.0, 0.0)
+    normalisation: Literal["albedo", "none"] = "albedo"
+    lobes: Annotated[tuple[Annotated[LafortuneLobe, BeforeValidator(_lobe)], ...], Field(max_length=16)] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.normalisation == "none":
+            for lobe in self._lobes():
+                # max|C|^s must be a float32, and times ks, too.
+                if lobe.s * log(max(map(abs, lobe.C))) > 69:
+                    raise InputError(f"lafortune: max|C|^s must be below 1e30, got C = {lobe.C} and s = {lobe.s}")
+
+    def reflectance(self, device: str = "cpu") -> Reflectance:
+        """The model as tensors on a device."""
+        diffuse = channels(self.kd, device) if any(self.kd) else ()
+        return Reflectance(diffuse, tuple(self._tensors(lobe, device) for lobe in self._lobes()))
+
+    def _lobes(self) -> tuple[LafortuneLobe, ...]:
+        return self.lobes or (LafortuneLobe(C=self.C, s=self.s, ks=self.ks),)
+
+    def _tensors(self, lobe: LafortuneLobe, device: str) -> CosineLobe:
+        bound = 1.0
+        if self.normalisation == "none":
+            bound = 2 * pi / (lobe.s + 2) * exp(lobe.s * log(max(map(abs, lobe.C))))
+        return cosine_lobe(lobe.C, lobe.s, tuple(ks * bound for ks in lobe.ks), device)

@@ -1,0 +1,89 @@
+"""A weighted sum of materials of any models."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, GetJsonSchemaHandler, PlainSerializer
+from pydantic_core import CoreSchema
+
+from glossbench.brdf.lobe import Channels, add
+from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.errors import InputError
+from glossbench.options import NonNegative
+
+MAX_LOBES = 16  # as many kernels as the reference has
+
+
+def _material(value: Any) -> Material:
+    """A material as a study states it: a name, or one name with its options."""
+    if isinstance(value, Material):
+        return value
+    if isinstance(value, str):
+        return MATERIALS.create(value, {})
+    if isinstance(value, Mapping) and len(value) == 1:
+        [(name, options)] = value.items()
+        if isinstance(options, Mapping | None):
+            return MATERIALS.create(name, options or {})
+    raise ValueError("must be a material's name, or one name with its options")
+
+
+def _spelled(material: Material) -> dict[str, Any]:
+    return {material.name: material.as_dict()}
+
+
+class _Schema:
+    """The JSON Schema of a summand: the names of all materials, once they are registered."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        properties: dict[str, Any] = {name: {"type": ["object", "null"]} for name in MATERIALS.names()}
+        named = {"type": "object", "properties": properties, "minProperties": 1, "maxProperties": 1}
+        return {"anyOf": [{"enum": MATERIALS.names()}, {**named, "additionalProperties": False}]}
+
+
+Summand = Annotated[Any, BeforeValidator(_material), PlainSerializer(_spelled), _Schema]
+
+
+@MATERIALS.register("sum")
+class Sum(Material):
+    """f(wo, wi) = sum of w_k f_k(wo, wi).
+
+    Diffuse parts add up, glossy lobes stand side by side with ks scaled by the weight of their material.
+
+    Attributes:
+        of: the materials, each a name or one name with its options, [{kurt: {m: 0.1}}, {phong: {s: 20}}], with at
+            most 16 lobes together.
+        weights: w_k >= 0, one a material; 1 each where none are stated.
+    """
+
+    of: tuple[Summand, ...]
+    weights: tuple[NonNegative, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.of:
+            raise InputError("sum.of needs at least one material")
+        if self.weights and len(self.weights) != len(self.of):
+            raise InputError(f"sum.weights must be one a material, {len(self.of)}, got {len(self.weights)}")
+        n_lobes = len(self.reflectance().lobes)
+        if n_lobes > MAX_LOBES:
+            raise InputError(f"sum.of must have at most {MAX_LOBES} lobes together, got {n_lobes}")
+
+    def key(self) -> str:
+        """The keys of the materials, and the weights."""
+        return f"{self.name}:{[material.key() for material in self.of]}:{list(self.weights)}"
+
+    def reflectance(self, device: str = "cpu") -> Reflectance:
+        """The model as tensors on a device."""
+        parts = [material.reflectance(device) for material in self.of]
+        diffuse: Channels = ()
+        lobes = []
+        for part, weight in zip(parts, self.weights or (1.0,) * len(parts), strict=True):
+            diffuse = add(diffuse, _scaled(part.diffuse, weight))
+            lobes += [replace(lobe, ks=_scaled(lobe.ks, weight)) for lobe in part.lobes]
+        return Reflectance(diffuse, tuple(lobes))
+
+
+def _scaled(channels: Channels, weight: float) -> Channels:
+    return tuple(channel * weight for channel in channels)
