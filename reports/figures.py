@@ -1,32 +1,27 @@
-"""Figures of a report: error against cost, sample patterns, colour bars, pictures and signed error maps.
+"""Figures of a report: error against cost, sample patterns, colour bars.
 
-Plots are matplotlib figures without global state; `svg` gives the same bytes for the same data.
-Pictures are 8-bit images, made from linear radiance that was averaged over area before any curve.
+They are matplotlib figures without global state; `svg` gives the same bytes for the same data.
 """
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO, StringIO
+from io import StringIO
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps, rc_context
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-from numpy.typing import NDArray
-from PIL import Image
 
-Floats = NDArray[np.floating]
-Mask = NDArray[np.bool_]
+from .pictures import SIGNED, UNSIGNED, Floats, Mask
 
 INK, PAPER = "#1a1a1a", "#fefefe"
 # Okabe and Ito 2008 without yellow and black: told apart by colour-blind readers, on white and on near-black.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 MARKERS = "osD^vPX"  # seven against six colours: 42 lines before a pair repeats
-SIGNED = colormaps["RdBu_r"].resampled(255)  # ColorBrewer: blue darker, red brighter; an odd count has a centre
 RC: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 9,
@@ -50,22 +45,23 @@ class Line:
 
     Attributes:
         index: its place in the study, which gives colour and marker: the same in every plot.
-        at_floor: true where the reference cannot resolve the error.
+        errors: the size of the metric.
+        at_floor: true where the reference cannot resolve the RMS error.
     """
 
     name: str
     index: int
     samples: Floats
     milliseconds: Floats
-    rms: Floats
+    errors: Floats
     at_floor: Mask
 
     def slope(self) -> float | None:
-        """Fitted slope of log RMS over log samples; None below three resolved points."""
-        use = ~self.at_floor & (self.rms > 0) & np.isfinite(self.rms)
+        """Fitted slope of log error over log samples; None below three resolved points."""
+        use = ~self.at_floor & (self.errors > 0) & np.isfinite(self.errors)
         if len(set(self.samples[use])) < 3:
             return None
-        return float(np.polyfit(np.log(self.samples[use]), np.log(self.rms[use]), 1)[0])
+        return float(np.polyfit(np.log(self.samples[use]), np.log(self.errors[use]), 1)[0])
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -87,23 +83,41 @@ def _tick(value: float, _: int | None = None) -> str:
     return text.removeprefix("1×")
 
 
+@dataclass(frozen=True)
+class Axis:
+    """The axis of a metric.
+
+    Attributes:
+        label: of the axis.
+        noise: of the reference, in the metric's unit; 0 where it has no such meaning.
+        is_log: for errors; a metric that is higher for better images has a linear axis.
+    """
+
+    label: str
+    noise: float = 0.0
+    is_log: bool = True
+
+    def shows(self, values: Floats) -> Mask:
+        """Which values have a place on it."""
+        return np.isfinite(values) & ((values > 0) | (not self.is_log))
+
+
 @rc_context(RC)
-def error_over(quantity: str, lines: Sequence[Line], noise: float) -> Figure:
-    """Log-log plot of RMS over `samples` or `milliseconds`; shaded up to twice the reference's noise."""
+def error_over(quantity: str, lines: Sequence[Line], axis: Axis) -> Figure:
+    """Plot of a metric over `samples` or `milliseconds`; shaded up to twice the reference's noise."""
     handles = len(lines) + 1
     figure = Figure(figsize=(4.7, 2.9 + 0.19 * handles), layout="constrained")
     ax = figure.add_subplot()
     ax.set_xscale("log")
-    ax.set_yscale("log")
     for line in lines:
         x = getattr(line, quantity)
         style = _style(line)
-        slope = line.slope() if quantity == "samples" else None
+        slope = line.slope() if quantity == "samples" and axis.is_log else None
         label = line.name + ("" if slope is None else f", slope {number(slope)}")
-        seen = (line.rms > 0) & np.isfinite(line.rms) & (x > 0)
-        ax.plot(x[seen], line.rms[seen], label=label, ls="-" if seen.sum() > 1 else "", **style)
-        ax.plot(x[seen & line.at_floor], line.rms[seen & line.at_floor], ls="", mfc=PAPER, **style)
-    band = _shade(ax, "y", noise, [value for line in lines for value in line.rms])
+        seen = axis.shows(line.errors) & (x > 0)
+        ax.plot(x[seen], line.errors[seen], label=label, ls="-" if seen.sum() > 1 else "", **style)
+        ax.plot(x[seen & line.at_floor], line.errors[seen & line.at_floor], ls="", mfc=PAPER, **style)
+    band = _scaled(ax, "y", axis, lines)
     values = sorted({float(x) for line in lines for x in getattr(line, quantity) if x > 0})
     if quantity == "samples" and values:
         ax.xaxis.set_major_locator(FixedLocator(_apart(values)))
@@ -112,52 +126,57 @@ def error_over(quantity: str, lines: Sequence[Line], noise: float) -> Figure:
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_formatter(FuncFormatter(_tick))
     ax.set_xlabel({"samples": "light samples a pixel", "milliseconds": "shading time [ms]"}[quantity])
-    ax.set_ylabel("RMS error [radiance]")
     _legend(figure, ax, band)
     return figure
 
 
 @rc_context(RC)
-def error_by_method(lines: Sequence[Line], noise: float) -> Figure:
-    """Dots: the RMS of each method, for a study with one budget."""
+def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
+    """Dots: the metric of each method, for a study with one budget."""
     figure = Figure(figsize=(4.7, 1.3 + 0.26 * len(lines)), layout="constrained")
     ax = figure.add_subplot()
-    ax.set_xscale("log")
     for row, line in enumerate(lines):
-        y = np.full(len(line.rms), row)
-        ax.plot(line.rms[~line.at_floor], y[~line.at_floor], ls="", **_style(line))
-        ax.plot(line.rms[line.at_floor], y[line.at_floor], ls="", mfc=PAPER, **_style(line))
+        y = np.full(len(line.errors), row)
+        seen, floor = axis.shows(line.errors), line.at_floor
+        ax.plot(line.errors[seen & ~floor], y[seen & ~floor], ls="", **_style(line))
+        ax.plot(line.errors[seen & floor], y[seen & floor], ls="", mfc=PAPER, **_style(line))
     ax.set_ylim(len(lines) - 0.4, -0.6)
     ax.set_yticks(range(len(lines)), [line.name for line in lines])
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="y", color=INK, alpha=0.15, linewidth=0.6)
-    band = _shade(ax, "x", noise, [value for line in lines for value in line.rms])
-    ax.set_xlabel("RMS error [radiance]")
+    band = _scaled(ax, "x", axis, lines)
     _legend(figure, ax, band)
     return figure
 
 
-def _legend(figure: Figure, ax: Axes, band: Patch) -> None:
+def _legend(figure: Figure, ax: Axes, band: Patch | None) -> None:
     handles, labels = ax.get_legend_handles_labels()
-    figure.legend(
-        handles=[*handles, band],
-        labels=[*labels, str(band.get_label())],
-        loc="outside lower left",
-        frameon=False,
-        borderaxespad=0.2,
-        handlelength=1.8,
-    )
+    if band is not None:
+        handles, labels = [*handles, band], [*labels, str(band.get_label())]
+    if handles:
+        figure.legend(
+            handles=handles,
+            labels=labels,
+            loc="outside lower left",
+            frameon=False,
+            borderaxespad=0.2,
+            handlelength=1.8,
+        )
 
 
-def _shade(ax: Axes, axis: str, noise: float, values: Sequence[float]) -> Patch:
-    """Limits and ticks of the RMS axis; for the key, the band that the reference cannot resolve."""
-    seen = [float(v) for v in values if v > 0 and np.isfinite(v)] or [1.0]
-    floor = 2 * noise
+def _scaled(ax: Axes, side: str, axis: Axis, lines: Sequence[Line]) -> Patch | None:
+    """Label, limits and ticks of the metric's axis; for the key, the band that the reference cannot resolve."""
+    span, limits, scale = (ax.axhspan, ax.set_ylim, ax.yaxis) if side == "y" else (ax.axvspan, ax.set_xlim, ax.xaxis)
+    scale.set_label_text(axis.label)
+    if not axis.is_log:
+        scale.set_major_formatter(FuncFormatter(_tick))
+        return None
+    (ax.set_yscale if side == "y" else ax.set_xscale)("log")
+    seen = [float(v) for line in lines for v in line.errors[axis.shows(line.errors)]] or [1.0]
+    floor = 2 * axis.noise
     # A floor far below every dot would squeeze the dots: then the key alone tells where it is.
     shown = floor > min(seen) / 30
     low, high = min([*seen, floor] if shown else seen) / 1.6, max([*seen, floor] if shown else seen) * 1.6
-    span, limits, scale = (ax.axhspan, ax.set_ylim, ax.yaxis) if axis == "y" else (ax.axvspan, ax.set_xlim, ax.xaxis)
-    label = f"twice the reference's noise, {number(floor, 2)}" + ("" if shown else " (off the axis)")
     if shown:
         span(low, floor, color=INK, alpha=0.1, linewidth=0)
     limits(low, high)
@@ -165,7 +184,8 @@ def _shade(ax: Axes, axis: str, noise: float, values: Sequence[float]) -> Patch:
     scale.set_minor_locator(LogLocator(subs=range(2, 10), numticks=99))
     scale.set_minor_formatter(NullFormatter())
     scale.set_major_formatter(FuncFormatter(_tick))
-    return Patch(color=INK, alpha=0.1, linewidth=0, label=label)
+    label = f"twice the reference's noise, {number(floor, 2)}" + ("" if shown else " (off the axis)")
+    return Patch(color=INK, alpha=0.1, linewidth=0, label=label) if floor > 0 else None
 
 
 def _locator(values: Sequence[float]) -> LogLocator:
@@ -205,16 +225,17 @@ def pattern(half_vectors: Floats, largest: float) -> Figure:
 
 
 @rc_context(RC)
-def colour_bar(limit: float) -> Figure:
-    """The scale of signed error maps, from -limit to +limit."""
-    figure = Figure(figsize=(4.2, 0.62), layout="constrained")
-    ax = figure.add_subplot()
-    ax.imshow(np.linspace(-1, 1, 255)[None], cmap=SIGNED, aspect="auto", extent=(-limit, limit, 0, 1))
-    ticks = np.linspace(-limit, limit, 5)
+def colour_bar(limit: float, label: str, signed: bool = True) -> Figure:
+    """The scale of error maps, from -limit or from 0 to +limit."""
+    figure = Figure(figsize=(4.2, 0.62))
+    ax = figure.add_axes((0.05, 0.72, 0.9, 0.26))
+    low, colours = (-limit, SIGNED) if signed else (0.0, UNSIGNED)
+    ax.imshow(np.linspace(0, 1, 255)[None], cmap=colours, aspect="auto", extent=(low, limit, 0, 1))
+    ticks = np.linspace(low, limit, 5)
     ax.set_xticks(ticks, [number(t, 2) for t in ticks])
     ax.set_yticks([])
     ax.spines[:].set_visible(False)
-    ax.set_xlabel("image − reference, mean of channels [radiance]")
+    ax.set_xlabel(label)
     return figure
 
 
@@ -229,48 +250,3 @@ def svg(figure: Figure, name: str) -> str:
     text = re.sub(r'<g id="[^"]*"', "<g", text[text.index("<svg") :])  # matplotlib numbers them anew in each figure
     text = text.replace(INK, "currentColor").replace(PAPER, "var(--paper, white)")
     return text.replace("<svg ", '<svg role="img" ', 1)
-
-
-def downscaled(image: Floats, mask: Mask, largest: int = 256) -> tuple[Floats, Floats]:
-    """Image (H, W, C) of at most `largest` pixels a side, averaged over the masked area; and that area."""
-    factor = min(1.0, largest / max(mask.shape))
-    rows, columns = (_area_weights(n, max(1, round(n * factor))) for n in mask.shape)
-    height, width, n_channels = image.shape
-    total = columns @ (rows @ (image * mask[..., None]).reshape(height, -1)).reshape(-1, width, n_channels)
-    share = rows @ mask @ columns.T
-    return total / np.where(share > 0, share, 1)[..., None], share
-
-
-def _area_weights(n: int, m: int) -> Floats:
-    """(m, n): the share of each of n pixels in each of m; rows sum to one."""
-    edges = np.linspace(0, n, m + 1)
-    low, high = np.maximum(edges[:-1, None], np.arange(n)), np.minimum(edges[1:, None], np.arange(n) + 1)
-    return np.clip(high - low, 0, None) * m / n
-
-
-def picture(radiance: Floats, mask: Mask, exposure: float) -> bytes:
-    """PNG of radiance times exposure through the sRGB curve, clipped at white; transparent off the mask."""
-    linear, share = downscaled(radiance, mask)
-    linear = np.clip(linear * exposure, 0, 1)
-    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    rgba = np.round(255 * np.dstack([curve, np.clip(share, 0, 1)])).astype(np.uint8)
-    return _png(Image.fromarray(rgba))
-
-
-def error_map(error: Floats, mask: Mask, limit: float) -> bytes:
-    """PNG of a signed error (H, W): blue below zero, white at zero, red above, full colour at `limit`.
-
-    Colour 127 of the palette is zero, 0 and 254 are -limit and +limit; 255 is transparent, off the mask.
-    """
-    value, share = downscaled(error[..., None], mask)
-    index = np.round(127 + 127 * np.clip(value[..., 0] / limit, -1, 1)).astype(np.uint8)
-    index[share < 0.5] = 255
-    image = Image.fromarray(index)
-    image.putpalette(np.round(255 * SIGNED(range(255))[:, :3]).astype(np.uint8).tobytes() + bytes(3))
-    return _png(image, transparency=255)
-
-
-def _png(image: Image.Image, **options: int) -> bytes:
-    out = BytesIO()
-    image.save(out, format="PNG", **options)
-    return out.getvalue()

@@ -12,7 +12,8 @@ import pytest
 import yaml
 from PIL import Image
 
-from glossbench.reports import figures, html
+from glossbench.metrics import METRICS
+from glossbench.reports import figures, html, images, pictures
 
 SCRIPT = "<script>alert('x')</script>"
 N = 64
@@ -176,16 +177,18 @@ def test_error_maps_are_centred_on_zero_and_share_one_scale(folder, page):
 
 
 def test_scale_check_notices_a_scale_per_image(folder, monkeypatch, without_plots):
-    error_map = figures.error_map
-    monkeypatch.setattr(figures, "error_map", lambda e, mask, _: error_map(e, mask, np.abs(e[mask]).max()))
+    error_map = pictures.error_map
+    monkeypatch.setattr(pictures, "error_map", lambda e, mask, _, *how: error_map(e, mask, np.abs(e[mask]).max(), *how))
 
     with pytest.raises(AssertionError):
         check_one_scale(folder, html.write_report(folder).read_text(encoding="utf-8"))
 
 
 def test_scale_check_notices_a_scale_that_is_not_centred(folder, monkeypatch, without_plots):
-    error_map = figures.error_map
-    monkeypatch.setattr(figures, "error_map", lambda e, mask, limit: error_map(e + 0.1 * limit, mask, limit))
+    error_map = pictures.error_map
+    monkeypatch.setattr(
+        pictures, "error_map", lambda e, mask, limit, *how: error_map(e + 0.1 * limit, mask, limit, *how)
+    )
 
     with pytest.raises(AssertionError):
         check_one_scale(folder, html.write_report(folder).read_text(encoding="utf-8"))
@@ -210,10 +213,134 @@ def check_one_scale(folder, page):
         assert np.abs(colour[seen] - expected).max() < 0.51  # rounding to a colour
 
 
+UNSIGNED = ("rms", "relative_rms", "max_error", "mrse", "mrse_trimmed", "smape", "ssim", "flip")
+
+
+@pytest.fixture(scope="module")
+def with_all_metrics(tmp_path_factory):
+    """Results under every metric, with its number in each done cell."""
+    folder = write_results(tmp_path_factory.mktemp("metrics") / "discs", budgets=(4, 64))
+    study = yaml.safe_load((folder / "study.yaml").read_text())
+    (folder / "study.yaml").write_text(yaml.safe_dump(study | {"metrics": [*UNSIGNED, "mean_error"]}))
+    cells = pd.read_parquet(folder / "cells.parquet")
+    for name in UNSIGNED:
+        cells[name] = np.where(cells.status == "done", cells.get(name, 0.25), np.nan)
+    cells.to_parquet(folder / "cells.parquet")
+    return folder
+
+
+def test_each_metric_has_maps_on_one_scale_from_zero(with_all_metrics, without_plots):
+    check_maps(with_all_metrics)
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [
+        lambda drawn, e, mask, limit, signed, size: drawn(e, mask, np.abs(e[mask]).max(), signed, size),
+        lambda drawn, e, mask, limit, signed, size: drawn(e, mask, limit, True, size),
+        lambda drawn, e, mask, limit, signed, size: drawn(e.T, mask, limit, signed, size),
+    ],
+    ids=["a scale an image", "centred on zero", "transposed"],
+)
+def test_the_check_of_maps_notices(planted, with_all_metrics, without_plots, monkeypatch):
+    drawn = pictures.error_map
+    monkeypatch.setattr(
+        pictures, "error_map", lambda e, m, lim, *how: planted(drawn, e, m, lim, *how) if how else drawn(e, m, lim)
+    )
+
+    with pytest.raises(AssertionError):
+        check_maps(with_all_metrics)
+
+
+def check_maps(folder):
+    """Colours of all maps of a metric and group follow one straight line: index = 254 error / limit."""
+    page = html.write_report(folder).read_text(encoding="utf-8")
+    cells = pd.read_parquet(folder / "cells.parquet")
+    done = cells[cells.status == "done"]
+    for name in UNSIGNED:
+        maps = images_of(name, page)
+        assert len(maps) == len(done)
+        for reference_key, group in done.groupby("reference_key", sort=False):
+            y, mask = read_exr(folder / "references" / f"{reference_key}.exr"), None
+            errors, colours = [], []
+            for key in group.key:
+                colour = np.asarray(maps.pop(0)).astype(float)
+                mask = colour != 255
+                x = read_exr(folder / "images" / f"{key}.exr")
+                errors.append(METRICS.create(name, {}).errors(x, y, mask)[mask])
+                colours.append(colour[mask])
+            error, colour = np.concatenate(errors), np.concatenate(colours)
+            expected = 254 * np.clip(error / np.percentile(error, 99.5), 0, 1)
+            assert np.abs(colour - expected).max() < 0.51  # rounding to a colour
+
+
+def test_maps_and_curves_of_other_metrics_are_folded_in(with_all_metrics, monkeypatch):
+    monkeypatch.setattr(figures, "svg", lambda figure, _: f"<svg>{figure.axes[0].get_ylabel()}</svg>")
+
+    page = html.write_report(with_all_metrics).read_text(encoding="utf-8")
+
+    assert re.findall(r"<summary>Error maps: (\w+)</summary>", page) == [*UNSIGNED] * 2
+    assert page.count(f"<summary>Under the other metrics: {', '.join([*UNSIGNED[1:], 'mean_error'])}</summary>") == 2
+    for label in ("rms [radiance]", "|mean_error| [radiance]", "ssim", "flip"):
+        # The first metric of the study is drawn over samples and over time, in both groups; the others over samples.
+        assert page.count(f"<svg>{label}</svg>") == (4 if label.startswith("rms") else 2)
+
+
+def test_a_metric_that_old_results_do_not_have_is_left_out(tmp_path, without_plots):
+    folder = write_results(tmp_path / "old", budgets=(16,))
+    study = yaml.safe_load((folder / "study.yaml").read_text())
+    study["metrics"] = ["flip", "rms", "of_a_plug_in", "absent_plug_in"]
+    (folder / "study.yaml").write_text(yaml.safe_dump(study))
+    cells = pd.read_parquet(folder / "cells.parquet").drop(columns=["max_error", "mean_error"])
+    cells["of_a_plug_in"] = 0.125
+    cells.to_parquet(folder / "cells.parquet")
+
+    page = html.write_report(folder).read_text(encoding="utf-8")
+
+    assert re.findall(r"<summary>Error maps: (\w+)</summary>", page) == ["rms", "relative_rms"] * 2
+    assert "defined by a plug-in" in page
+    assert not re.search(r'class="n">(flip|max_error|absent_plug_in)', page)
+
+
+def test_a_report_of_many_cells_stays_small(tmp_path, monkeypatch, without_plots):
+    folder = write_results(tmp_path / "many", budgets=(1, 2, 4, 8, 16, 32))
+    monkeypatch.setattr(html, "MOST_MAPS", 30)
+    monkeypatch.setattr(html, "MOST_PICTURES", 14)
+
+    page = html.write_report(folder).read_text(encoding="utf-8")
+
+    # Two groups of two swept methods and one that is not: three budgets are 14 cells, one is 6.
+    assert len(images_of("error", page)) == 14
+    assert [len(images_of(name, page)) for name in ("rms", "relative_rms", "max_error")] == [6, 6, 6]
+    assert page.count("6 more cells are in the table only") == 2
+    assert page.count("10 more cells are in the table only") == 6
+
+
+def test_an_infinite_error_is_the_end_of_the_scale():
+    error, mask = np.array([[0.0, 1.0, np.inf]]), np.array([[True, True, True]])
+
+    limit = pictures.error_limit([error])
+    shown = Image.open(io.BytesIO(pictures.error_map(error, mask, limit, signed=False)))
+
+    assert limit == pytest.approx(1, rel=0.01)
+    assert np.asarray(shown)[0].tolist() == [0, 254, 254]
+
+
+def test_unsigned_maps_brighten_from_black_without_a_turn():
+    ramp = np.linspace(0, 1, 255)[None]
+
+    shown = Image.open(io.BytesIO(pictures.error_map(ramp, ramp >= 0, 1.0, signed=False)))
+
+    brightness = np.asarray(shown.convert("L")).astype(int)[0]
+    assert brightness[0] < 3
+    assert brightness[-1] > 230
+    assert (np.diff(brightness) >= 0).all()
+
+
 def test_too_bright_is_red_too_dark_is_blue_and_right_is_neutral():
     error = np.array([[-1.0, 0.0, 1.0, 5.0]])
 
-    shown = Image.open(io.BytesIO(figures.error_map(error, np.array([[True, True, True, False]]), 2.0)))
+    shown = Image.open(io.BytesIO(pictures.error_map(error, np.array([[True, True, True, False]]), 2.0)))
 
     blue, neutral, red, outside = np.asarray(shown.convert("RGBA")).astype(int)[0]
     assert blue[2] > blue[0] + 50
@@ -225,7 +352,7 @@ def test_too_bright_is_red_too_dark_is_blue_and_right_is_neutral():
 def test_picture_follows_the_srgb_curve_at_the_stated_exposure():
     grey = np.full((2, 2, 3), 0.36)
 
-    shown = Image.open(io.BytesIO(figures.picture(grey, np.ones((2, 2), bool), 0.5)))
+    shown = Image.open(io.BytesIO(pictures.picture(grey, np.ones((2, 2), bool), 0.5)))
 
     assert np.asarray(shown)[0, 0].tolist() == [118, 118, 118, 255]  # IEC 61966-2-1 of 0.18
 
@@ -235,11 +362,11 @@ def test_large_images_are_averaged_over_the_surface_alone():
     mask = np.hypot(*(np.mgrid[:300, :400] - 150)) < 140
     image = rng.random((300, 400, 3)) * mask[..., None]
 
-    small, share = figures.downscaled(image, mask)
+    small, share = pictures.downscaled(image, mask)
 
     assert small.shape == (192, 256, 3)
     assert np.average(small, axis=(0, 1), weights=share) == pytest.approx(image[mask].mean(axis=0), rel=1e-12)
-    constant, share = figures.downscaled(np.ones((300, 400, 3)), mask)
+    constant, share = pictures.downscaled(np.ones((300, 400, 3)), mask)
     assert constant[share > 0] == pytest.approx(1, rel=1e-12)  # black background does not darken the rim
 
 
@@ -288,13 +415,17 @@ def test_slope_is_fitted_through_resolved_points():
     assert line(2, [False] * 2).slope() is None
 
 
-def test_of_many_cells_each_method_shows_three_budgets():
-    cells = [html.Cell({"method": m, "n_samples": n}, "", i) for i, m in enumerate("abc") for n in range(9)]
+def test_of_many_cells_each_line_shows_three_budgets_then_one():
+    cells = [html.Cell({"method": m, "n_samples": n, "status": "done"}, "", i)
+             for i, m in enumerate("abc") for n in range(9)]  # fmt: skip
+    group = html.Group("", {}, cells, {}, {})
 
-    shown = [(cell.row["method"], cell.row["n_samples"]) for cell in html._shown(cells)]
+    def shown(most):
+        return [[(cell.row["method"], cell.row["n_samples"]) for cell in of] for of in images.chosen([group] * 2, most)]
 
-    assert shown == [(m, n) for m in "abc" for n in (0, 4, 8)]
-    assert html._shown(cells[:24]) == cells[:24]
+    assert images.chosen([group] * 2, 54) == [cells, cells]
+    assert shown(53) == [[(m, n) for m in "abc" for n in (0, 4, 8)]] * 2
+    assert shown(17) == shown(1) == [[(m, 8) for m in "abc"]] * 2
 
 
 def test_results_without_a_single_image_make_a_report(tmp_path):

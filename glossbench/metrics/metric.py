@@ -1,0 +1,93 @@
+"""What a metric is: an error map, and the number that sums it up."""
+
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from glossbench.errors import InputError
+from glossbench.options import Options
+from glossbench.registry import Registry
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class HasRadiance(Protocol):
+    """An image: radiance (H, W, 3), and mask (H, W) where it shows the surface."""
+
+    @property
+    def radiance(self) -> Tensor: ...
+    @property
+    def mask(self) -> Tensor: ...
+
+
+class Metric(Options):
+    """A number and an error map from an image and a reference of one view.
+
+    `metric(image, truth)` is the number, `metric.error_map(image, truth)` the map. A subclass states `errors`, the
+    map, and `pooled`, the number from it, unless that is the mean over the mask.
+
+    Attributes:
+        formula: of the number, in plain text; x the image, y the reference, means over masked pixels and channels.
+        unit: of number and map.
+        map_formula: of the map, for one pixel; means over its channels.
+        lower_is_better: for the absolute value of the number.
+        signed: the map has both signs; otherwise it is at least 0, and 0 where nothing is wrong.
+    """
+
+    formula: ClassVar[str]
+    unit: ClassVar[str]
+    map_formula: ClassVar[str] = ""
+    lower_is_better: ClassVar[bool] = True
+    signed: ClassVar[bool] = False
+
+    def __call__(self, image: HasRadiance, truth: HasRadiance) -> float:
+        """The number.
+
+        Raises:
+            InputError: sizes or masks differ, the mask is empty, or radiance on it is not finite.
+        """
+        x, y, mask = _compared(image, truth)
+        return float(self.pooled(self.errors(x, y, mask)[mask]))
+
+    def error_map(self, image: HasRadiance, truth: HasRadiance) -> Floats:
+        """The error of each pixel, (H, W), zero outside the mask; raises as the number does."""
+        x, y, mask = _compared(image, truth)
+        return np.where(mask, self.errors(x, y, mask), 0.0)
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """The error of each pixel, (H, W), of an image and a reference (H, W, 3), both zero outside the mask."""
+        raise NotImplementedError
+
+    def pooled(self, errors: Floats) -> float:
+        """The number, from the errors (P,) of the masked pixels."""
+        return float(np.mean(errors))
+
+
+METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench.metrics")
+
+
+def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Floats, Floats, Mask]:
+    """Image, reference and their mask, in double precision, zero outside it; InputError where they do not compare."""
+    mask = truth.mask.cpu().numpy()
+    if image.mask.shape != mask.shape:
+        sizes = " and ".join(f"{shape[1]} x {shape[0]}" for shape in (image.mask.shape, mask.shape))
+        raise InputError(f"image and reference must be of one view, got {sizes} pixels")
+    if n_other := int((image.mask.cpu().numpy() != mask).sum()):
+        raise InputError(f"image and reference must be of one view, but {n_other} pixels are in one mask only")
+    if not mask.any():
+        raise InputError("the mask of the reference is empty: no pixel shows the surface")
+    return _radiance("the image", image, mask), _radiance("the reference", truth, mask), mask
+
+
+def _radiance(what: str, image: HasRadiance, mask: Mask) -> Floats:
+    if tuple(image.radiance.shape) != (*mask.shape, 3):
+        raise InputError(
+            f"radiance of {what} must be {(*mask.shape, 3)}, as its mask, got {tuple(image.radiance.shape)}"
+        )
+    radiance = np.where(mask[..., None], image.radiance.detach().double().cpu().numpy(), 0.0)
+    if n_bad := int((~np.isfinite(radiance)).any(axis=2).sum()):
+        raise InputError(f"radiance of {what} must be finite, but {n_bad} of {int(mask.sum())} masked pixels are not")
+    return radiance

@@ -1,0 +1,115 @@
+"""Metrics of what a viewer sees: images on a display, at exposures that the reference alone decides."""
+
+from math import ceil, log2, sqrt
+from typing import Annotated, NamedTuple
+
+import flip_evaluator
+import numpy as np
+from pydantic import Field
+from skimage.metrics import structural_similarity
+
+from glossbench.metrics.metric import METRICS, Floats, Mask, Metric
+
+# ACES(x) = (a x^2 + b x) / (c x^2 + d x + e), the fit of Narkowicz 2015 without its pre-exposure of 0.6.
+A, B, C, D, E = 0.6**2 * 2.51, 0.6 * 0.03, 0.6**2 * 2.43, 0.6 * 0.59, 0.14
+BRIGHT = 0.85  # where the first exposure puts the brightest pixel, and the last the median
+WINDOW = 5  # pixels from the centre of a window to its edge
+
+
+class Exposures(NamedTuple):
+    """Stops between which an image is looked at, and in how many steps."""
+
+    start: float
+    stop: float
+    n_steps: int
+
+
+def exposures(y: Floats, mask: Mask) -> Exposures:
+    """The exposures [stops] at which HDR-FLIP looks at images of a reference (H, W, 3).
+
+    start = log2(x / max(Y)), stop = log2(x / median(Y)), n_steps = max(2, ceil(stop - start)), where ACES(x) = 0.85 and
+    Y is luminance.
+
+    Source: Andersson et al. 2021 section 3. Differs: over masked pixels, as a black background would move the median;
+    where that is 0, over those above 0; a black reference is looked at as it is.
+    """
+    luminance = y[mask] @ np.array([0.2126, 0.7152, 0.0722])
+    seen = luminance[luminance > 0]
+    if not seen.size:
+        return Exposures(0.0, 0.0, 2)
+    a, b, c = A - BRIGHT * C, B - BRIGHT * D, -BRIGHT * E
+    x = (-b + sqrt(b * b - 4 * a * c)) / (2 * a)
+    median = np.median(luminance)
+    start, stop = log2(x / seen.max()), log2(x / (median if median > 0 else np.median(seen)))
+    return Exposures(start, stop, max(2, ceil(stop - start)))
+
+
+def displayed(image: Floats, stops: float) -> Floats:
+    """An image on a display, in [0, 1]: exposed, through the ACES curve and the sRGB curve; below 0 is black."""
+    x = np.clip(2**stops * image, 0, 1e6)
+    linear = np.clip((A * x + B) * x / ((C * x + D) * x + E), 0, 1)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+@METRICS.register("flip")
+class FLIP(Metric):
+    """HDR-FLIP, in [0, 1]: the difference that a viewer sees when image and reference alternate on a display.
+
+    The largest over exposures of the LDR-FLIP error of both images under the ACES curve. The exposures come from the
+    reference alone, so all images of it are compared under the same; negative radiance counts as black. Near the
+    silhouette the eye's filter mixes in the background, which is black in both.
+
+    Attributes:
+        pixels_per_degree: of visual angle. 67 is a display of 3840 pixels and 0.7 m across, seen from 0.7 m.
+
+    Source: Andersson, Nilsson, Shirley, Akenine-Moeller 2021, by the authors' `flip-evaluator`.
+    """
+
+    pixels_per_degree: Annotated[float, Field(ge=1, le=1000)] = 67.0
+    formula = "mean of HDR-FLIP(x, y), of both on a display"
+    unit = "1"
+    map_formula = "HDR-FLIP(x, y)"
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """The FLIP map."""
+        start, stop, n_steps = exposures(y, mask)
+        # Scaled so that exposures begin at 0: single precision then neither overflows nor underflows.
+        images = [np.clip(2**start * image, 0, 1e6).astype(np.float32) for image in (y, x)]
+        stated = {"ppd": self.pixels_per_degree, "startExposure": 0.0, "stopExposure": stop - start}
+        flip, *_ = flip_evaluator.evaluate(
+            *images, "HDR", applyMagma=False, computeMeanError=False, parameters={**stated, "numExposures": n_steps}
+        )
+        return np.asarray(flip[..., 0], np.float64)
+
+
+@METRICS.register("ssim")
+class SSIM(Metric):
+    """Structural similarity of the images on a display, at most 1, which is the truth: higher is better.
+
+    It is defined for a bounded range, so both images are first exposed at the middle of HDR-FLIP's exposures (the
+    reference's alone), and go through the ACES and the sRGB curve into [0, 1]. Windows are Gaussian, 11 x 11 of
+    standard deviation 1.5; channels and masked pixels are averaged. The background is black in both images and goes
+    on past the edge of the image: windows over the silhouette are more alike than the surface in them.
+
+    Source: Wang et al. 2004 (K1 = 0.01, K2 = 0.03), by scikit-image. Differs: there of luminance.
+    """
+
+    formula = "mean of SSIM(x, y), of both on a display"
+    unit = "1"
+    map_formula = "1 - SSIM(x, y)"
+    lower_is_better = False
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """1 - SSIM of the window around each pixel, the mean over the channels."""
+        start, stop, _ = exposures(y, mask)
+        edge = ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0))
+        images = [np.pad(displayed(image, (start + stop) / 2), edge) for image in (x, y)]
+        _, similarity = structural_similarity(
+            *images, data_range=1.0, channel_axis=2, full=True,
+            gaussian_weights=True, sigma=1.5, truncate=WINDOW / 1.5, use_sample_covariance=False,
+        )  # fmt: skip
+        return 1 - similarity[WINDOW:-WINDOW, WINDOW:-WINDOW].mean(axis=2)
+
+    def pooled(self, errors: Floats) -> float:
+        """1 - mean."""
+        return float(1 - np.mean(errors))

@@ -1,0 +1,131 @@
+"""Metrics that look at one pixel at a time, in linear radiance."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from glossbench.metrics.metric import METRICS, Floats, Mask, Metric
+
+
+@METRICS.register("rms")
+class RMS(Metric):
+    """Root of the mean squared error."""
+
+    formula = "sqrt(mean((x - y)^2))"
+    unit = "radiance"
+    map_formula = formula
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """Root of the mean squared error over the channels."""
+        return np.sqrt(np.mean((x - y) ** 2, axis=2))
+
+    def pooled(self, errors: Floats) -> float:
+        """Root of the mean square."""
+        return float(np.sqrt(np.mean(errors**2)))
+
+
+@METRICS.register("relative_rms")
+class RelativeRMS(RMS):
+    """RMS over the mean of the reference: comparable between lights; 0 over 0 is 0, any other error over 0 infinite."""
+
+    formula = "sqrt(mean((x - y)^2)) / mean(y)"
+    unit = "1"
+    map_formula = "sqrt(mean((x - y)^2)) / mean of all y"
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """Root of the mean squared error over the channels, over the mean of the reference."""
+        rms, mean = super().errors(x, y, mask), float(y[mask].mean())
+        return rms / mean if mean > 0 else np.where(rms == 0, 0.0, np.inf)
+
+
+@METRICS.register("mean_error")
+class MeanError(Metric):
+    """Mean signed error: energy gained (above 0) or lost."""
+
+    formula = "mean(x - y)"
+    unit = "radiance"
+    map_formula = formula
+    signed = True
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """Mean error over the channels."""
+        return np.mean(x - y, axis=2)
+
+
+@METRICS.register("max_error")
+class MaxError(Metric):
+    """The largest error of any pixel and channel."""
+
+    formula = "max(|x - y|)"
+    unit = "radiance"
+    map_formula = formula
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """The largest error of any channel."""
+        return np.max(np.abs(x - y), axis=2)
+
+    def pooled(self, errors: Floats) -> float:
+        """The largest."""
+        return float(np.max(errors))
+
+
+@METRICS.register("mrse")
+class MRSE(Metric):
+    """Mean relative squared error, each channel over its own reference: dark regions count as much as bright ones.
+
+    Attributes:
+        epsilon: [radiance^2], keeps black from counting without end; it has a scale, so lights of another brightness
+            want another one.
+
+    Source: Rousselle, Knaus, Zwicker 2011, "relative MSE", epsilon 0.01. Others halve it (Gharbi et al. 2019), or
+    divide by x^2 + y^2 + 0.1 (code of Hasselgren et al. 2021) or by (x + 0.01)^2 (Lehtinen et al. 2018): their
+    numbers are not these.
+    """
+
+    epsilon: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.01
+    formula = "mean((x - y)^2 / (y^2 + epsilon))"
+    unit = "1"
+    map_formula = formula
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """Relative squared error, the mean over the channels."""
+        return np.mean((x - y) ** 2 / (y**2 + self.epsilon), axis=2)
+
+
+@METRICS.register("mrse_trimmed")
+class TrimmedMRSE(MRSE):
+    """MRSE without the worst pixels, which a few fireflies would decide; floor(fraction P) of P pixels are dropped.
+
+    Attributes:
+        fraction: of the masked pixels, in [0, 1).
+
+    A common guard without a common source: papers differ in the fraction, and in whether the image or each of its
+    channels is sorted. Here a pixel is dropped by the mean of its channels.
+    """
+
+    fraction: Annotated[float, Field(ge=0, lt=1)] = 0.001
+    formula = "mrse over all but the worst pixels, a fraction of them"
+
+    def pooled(self, errors: Floats) -> float:
+        """Mean of all but the largest."""
+        kept = errors.size - int(self.fraction * errors.size)
+        return float(np.mean(np.partition(errors, kept - 1)[:kept]))
+
+
+@METRICS.register("smape")
+class SMAPE(Metric):
+    """Symmetric mean absolute percentage error, as a fraction in [0, 2]; 0 over 0 is 0.
+
+    Source: Armstrong 1985, with the factor 2. Denoising papers leave it out and add 0.01 below (Gharbi et al. 2019):
+    half of this number, and less in the dark.
+    """
+
+    formula = "mean(2 |x - y| / (|x| + |y|))"
+    unit = "1"
+    map_formula = formula
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """Error over half the sum of both sizes, the mean over the channels."""
+        size = np.abs(x) + np.abs(y)
+        return np.mean(2 * np.abs(x - y) / np.where(size > 0, size, 1), axis=2)

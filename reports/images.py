@@ -1,0 +1,119 @@
+"""The images of a report: of each group the reference, pictures of cells, and their error maps under each metric."""
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from glossbench.metrics import METRICS, Metric
+from glossbench.results import Results
+
+from . import figures, pictures
+from .cells import Cell, Group
+
+MOST_PICTURES = 72  # of a report
+MOST_MAPS = 400  # of a report, the signed ones under the pictures aside
+MAP_SIZE = 128  # pixels on the longer side
+
+
+def chosen(groups: Sequence[Group], most: int) -> list[list[Cell]]:
+    """The cells of each group that are drawn: all; if those are more than `most`, fewer budgets of each line.
+
+    First the smallest, middle and largest budget are kept, then the largest alone, however many that are.
+    """
+    kept: list[list[Cell]] = []
+    for n_budgets in (None, 3, 1):
+        kept = [
+            [cell for _, line in groupby(group.done, key=lambda cell: cell.index) for cell in _thinned(line, n_budgets)]
+            for group in groups
+        ]
+        if sum(map(len, kept)) <= most:
+            break
+    return kept
+
+
+def _thinned(line: Any, n_budgets: int | None) -> list[Cell]:
+    cells = list(line)
+    if n_budgets is None:
+        return cells
+    picked = {len(cells) - 1} if n_budgets == 1 else {0, len(cells) // 2, len(cells) - 1}
+    return [cells[i] for i in sorted(picked)]
+
+
+def pictures_of(results: Results, group: Group, shown: Sequence[Cell], name: str) -> dict[str, Any]:
+    """Pictures of cells with their signed error maps: one exposure, one scale."""
+    if not group.done:
+        return {}
+    key = group.reference["reference_key"]
+    reference, mask = results.reference(key).astype(np.float64), results.mask(key)
+    errors = [(results.image(c.row["key"]) - reference).mean(axis=2)[mask] for c in group.done]
+    limit = pictures.error_limit(errors)
+    exposure = pictures.exposure_of(reference, mask)
+    tiles = []
+    for cell in shown:
+        image = results.image(cell.row["key"])
+        picture = pictures.uri(pictures.picture(image, mask, exposure))
+        error = pictures.uri(pictures.error_map((image - reference).mean(axis=2), mask, limit))
+        tiles.append({"cell": cell, "picture": picture, "error": error})
+    noise = results.standard_error(key).mean(axis=2)
+    return {
+        "picture": pictures.uri(pictures.picture(reference, mask, exposure)),
+        "noise": pictures.uri(pictures.error_map(noise, mask, limit)),
+        "rows": _tile_rows(tiles),
+        "left_out": len(group.done) - len(shown),
+        "limit": limit,
+        "clipped": 100 * float(np.mean([np.abs(e) > limit for e in errors])),
+        "exposure": exposure,
+        "stops": f"{round(float(np.log2(exposure)), 1) + 0.0:+.1f}".replace("-", "−"),
+        "shape": mask.shape,
+        "scaled": max(mask.shape) > 256,
+        "bar": Markup(figures.svg(figures.colour_bar(limit, "image − reference [radiance]"), f"{name}-bar")),
+    }
+
+
+def mapped(metrics: Sequence[str]) -> list[str]:
+    """The metrics that get maps of their own; that of the mean error is under the pictures, a plug-in may be absent."""
+    return [name for name in metrics if name in METRICS.names() and name != "mean_error"]
+
+
+def maps_of(
+    results: Results, group: Group, metrics: Sequence[str], shown: Sequence[Cell], name: str
+) -> list[dict[str, Any]]:
+    """Error maps of cells under each metric, on one scale a metric."""
+    if not shown:
+        return []
+    key = group.reference["reference_key"]
+    reference, mask = results.reference(key).astype(np.float64), results.mask(key)
+    images = [results.image(cell.row["key"]).astype(np.float64) for cell in shown]
+    maps = []
+    for i, metric in enumerate(METRICS.create(name, {}) for name in metrics):
+        errors = [metric.errors(image, reference, mask) for image in images]
+        maps.append(_maps(metric, errors, mask, shown, f"{name}-map{i}"))
+    return maps
+
+
+def _maps(
+    metric: Metric, errors: Sequence[pictures.Floats], mask: pictures.Mask, shown: Sequence[Cell], name: str
+) -> dict[str, Any]:
+    """The maps of one metric, with their scale."""
+    limit = pictures.error_limit([error[mask] for error in errors])
+    pngs = [pictures.error_map(error, mask, limit, metric.signed, MAP_SIZE) for error in errors]
+    label = (metric.map_formula or metric.name) + ("" if metric.unit == "1" else f" [{metric.unit}]")
+    return {
+        "metric": metric,
+        "limit": limit,
+        "clipped": 100 * float(np.mean([np.abs(error[mask]) > limit for error in errors])),
+        "shape": mask.shape,
+        "scaled": max(mask.shape) > MAP_SIZE,
+        "bar": Markup(figures.svg(figures.colour_bar(limit, label, metric.signed), name)),
+        "tiles": [{"cell": cell, "map": pictures.uri(png)} for cell, png in zip(shown, pngs, strict=True)],
+    }
+
+
+def _tile_rows(tiles: Sequence[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+    """A row for each method with more than one budget; the others together in the last."""
+    rows = [list(members) for _, members in groupby(tiles, key=lambda tile: tile["cell"].index)]
+    single = [row[0] for row in rows if len(row) == 1]
+    return [row for row in rows if len(row) > 1] + ([single] if single else [])

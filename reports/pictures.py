@@ -1,0 +1,87 @@
+"""Pictures and error maps of a report: 8-bit images, made from linear radiance that was averaged over area first."""
+
+from base64 import b64encode
+from collections.abc import Sequence
+from io import BytesIO
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+from PIL import Image
+
+Floats = NDArray[np.floating]
+Mask = NDArray[np.bool_]
+
+# An odd count has a centre. Signed: ColorBrewer's, blue darker, red brighter. Unsigned: even steps to the eye.
+SIGNED, UNSIGNED = colormaps["RdBu_r"].resampled(255), colormaps["magma"].resampled(255)
+CLIPPED_SHARE = 0.5  # percent of the pixels that may lie beyond the scale of error maps
+WHITE = 99.0  # percentile of the reference that the exposure brings to white
+
+
+def downscaled(image: Floats, mask: Mask, largest: int = 256) -> tuple[Floats, Floats]:
+    """Image (H, W, C) of at most `largest` pixels a side, averaged over the masked area; and that area."""
+    factor = min(1.0, largest / max(mask.shape))
+    rows, columns = (_area_weights(n, max(1, round(n * factor))) for n in mask.shape)
+    height, width, n_channels = image.shape
+    total = columns @ (rows @ (image * mask[..., None]).reshape(height, -1)).reshape(-1, width, n_channels)
+    share = rows @ mask @ columns.T
+    return total / np.where(share > 0, share, 1)[..., None], share
+
+
+def _area_weights(n: int, m: int) -> Floats:
+    """(m, n): the share of each of n pixels in each of m; rows sum to one."""
+    edges = np.linspace(0, n, m + 1)
+    low, high = np.maximum(edges[:-1, None], np.arange(n)), np.minimum(edges[1:, None], np.arange(n) + 1)
+    return np.clip(high - low, 0, None) * m / n
+
+
+def picture(radiance: Floats, mask: Mask, exposure: float) -> bytes:
+    """PNG of radiance times exposure through the sRGB curve, clipped at white; transparent off the mask."""
+    linear, share = downscaled(radiance, mask)
+    linear = np.clip(linear * exposure, 0, 1)
+    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    rgba = np.round(255 * np.dstack([curve, np.clip(share, 0, 1)])).astype(np.uint8)
+    return _png(Image.fromarray(rgba))
+
+
+def error_map(error: Floats, mask: Mask, limit: float, signed: bool = True, largest: int = 256) -> bytes:
+    """PNG of an error (H, W), full colour at `limit`: from black at zero, or, signed, from blue over white to red.
+
+    Colours 0 to 254 of the palette are the scale, from -limit or from 0 to limit; 255 is transparent, off the mask.
+    """
+    finite = np.where(np.isfinite(error), error, limit)[..., None]
+    value, share = downscaled(finite, mask, largest)
+    scaled = np.clip(value[..., 0] / limit, -1 if signed else 0, 1)
+    index = np.round(127 + 127 * scaled if signed else 254 * scaled).astype(np.uint8)
+    index[share < 0.5] = 255
+    image = Image.fromarray(index)
+    colours = (SIGNED if signed else UNSIGNED)(range(255))
+    image.putpalette(np.round(255 * colours[:, :3]).astype(np.uint8).tobytes() + bytes(3))
+    return _png(image, transparency=255)
+
+
+def error_limit(errors: Sequence[Floats]) -> float:
+    """The end of the scale that error maps share: a percentile of |error| over all their pixels."""
+    size = np.abs(np.concatenate([error.ravel() for error in errors]))
+    size = size[np.isfinite(size)]
+    if not size.size:
+        return 1.0
+    return float(np.percentile(size, 100 - CLIPPED_SHARE)) or float(size.max()) or 1.0
+
+
+def exposure_of(reference: Floats, mask: Mask) -> float:
+    """The factor that brings a high percentile of the reference's brightest channel to white."""
+    brightest = reference[mask].max(axis=1)
+    white = float(np.percentile(brightest, WHITE)) or float(brightest.max())
+    return 1 / white if white > 0 else 1.0
+
+
+def uri(png: bytes) -> str:
+    """An image as the source of an <img>."""
+    return f"data:image/png;base64,{b64encode(png).decode()}"
+
+
+def _png(image: Image.Image, **options: int) -> bytes:
+    out = BytesIO()
+    image.save(out, format="PNG", **options)
+    return out.getvalue()
