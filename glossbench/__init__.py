@@ -12,21 +12,34 @@ The same names and options as in a study:
 """
 
 import os
-from pathlib import Path
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 # Before torch starts its threads, which on a busy machine would spin while they wait (docs/decisions/006).
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-from glossbench.brdf.material import MATERIALS, Material
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.lights import LIGHTS
-from glossbench.errors import InputError, MethodError
-from glossbench.ground_truth import Reference
-from glossbench.ground_truth import compute_reference as reference
-from glossbench.metrics import METRICS, Metric
-from glossbench.scene.points import VIEWS, View
-from glossbench.shading import METHODS, Contract, Image, Method, shade, stage
+if TYPE_CHECKING:
+    from glossbench.brdf.material import Material
+    from glossbench.envmap.cubemap import CubeMap
+    from glossbench.errors import InputError, MethodError
+    from glossbench.ground_truth import Reference
+    from glossbench.ground_truth import compute_reference as reference
+    from glossbench.metrics import Metric
+    from glossbench.scene.points import View
+    from glossbench.shading import Contract, Image, Method, shade, stage
+
+# Where each name is imported from once it is asked for: torch takes seconds, and a Tab key has none.
+_HOMES = {
+    "Material": ("brdf.material", "Material"),
+    "CubeMap": ("envmap.cubemap", "CubeMap"),
+    "InputError": ("errors", "InputError"),
+    "MethodError": ("errors", "MethodError"),
+    "Reference": ("ground_truth", "Reference"),
+    "reference": ("ground_truth", "compute_reference"),
+    "Metric": ("metrics", "Metric"),
+    "View": ("scene.points", "View"),
+    **{name: ("shading", name) for name in ("Contract", "Image", "Method", "shade", "stage")},
+}
 
 __all__ = [
     "Contract",
@@ -50,28 +63,48 @@ __all__ = [
 ]
 
 
-def light(name: str, **options: Any) -> CubeMap:
-    """The radiance of a light: a registered name ("spots"), or an image file (.hdr, .exr)."""
-    if Path(name).suffix and name not in LIGHTS.names():
-        return LIGHTS.create("file", {"file": name, **options}).cubemap()
-    return LIGHTS.create(name, options).cubemap()
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, attribute = _HOMES[name]
+    value = globals()[name] = getattr(import_module(f"{__name__}.{module}"), attribute)
+    return value
 
 
-def material(name: str, **options: Any) -> Material:
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+def light(name: str, **options: Any) -> "CubeMap":
+    """The radiance of a light: a registered name ("spots"), one of the catalogue ("grace_cross"), or an image file."""
+    from glossbench.envmap.lights import light_named
+
+    return light_named(name, options).cubemap()
+
+
+def material(name: str, **options: Any) -> "Material":
     """A material by name and options."""
+    from glossbench.brdf.material import MATERIALS
+
     return MATERIALS.create(name, options)
 
 
-def view(name: str, **options: Any) -> View:
+def view(name: str, **options: Any) -> "View":
     """A view by name and options."""
+    from glossbench.scene.points import VIEWS
+
     return VIEWS.create(name, options)
 
 
-def method(name: str, **options: Any) -> Method:
+def method(name: str, **options: Any) -> "Method":
     """A method by name and options."""
+    from glossbench.shading import METHODS
+
     return METHODS.create(name, options)
 
 
-def metric(name: str, **options: Any) -> Metric:
+def metric(name: str, **options: Any) -> "Metric":
     """A metric by name: call it with an image and the truth."""
+    from glossbench.metrics import METRICS
+
     return METRICS.create(name, options)

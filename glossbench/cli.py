@@ -1,41 +1,34 @@
 """The command line: run a study, write its report, look things up, check a method, measure this machine."""
 
 import json
-import logging
 import sys
 from collections.abc import Callable
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.logging import RichHandler
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bar
 from rich.table import Table
 
-from glossbench.errors import InputError, nearest
-from glossbench.printing import describe, err, out, print_table, print_verdicts, say, warn_of_noise
+from glossbench.commands import completion, data
+from glossbench.commands.info import info
+from glossbench.commands.light import light as describe_light
+from glossbench.errors import InputError
+from glossbench.printing import err, out, print_table, print_verdicts, say, warn_of_noise
 
-app = typer.Typer(
-    help="Compare prefiltering methods for glossy image-based lighting against a converged reference.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
-data_app = typer.Typer(help="Public inputs by name.", no_args_is_help=True)
-app.add_typer(data_app, name="data")
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
 StudyArgument = Annotated[
-    str, typer.Argument(metavar="STUDY", help="A study's name (quickstart) or a path to its YAML.")
+    str,
+    typer.Argument(
+        metavar="STUDY", help="A study's name (quickstart) or a path to its YAML.", autocompletion=completion.studies
+    ),
 ]
 
 
 def main() -> None:
     """Entry point: bad input ends with one line and exit code 2, an interrupt with 130."""
-    logging.basicConfig(
-        level=logging.WARNING, format="%(message)s", handlers=[RichHandler(console=err, show_path=False)]
-    )
     try:
         app()
     except InputError as error:
@@ -43,12 +36,37 @@ def main() -> None:
         sys.exit(2)
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        say(f"glossbench {version('glossbench')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    show_version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Compare prefiltering methods for glossy image-based lighting against a converged reference."""
+
+
 @app.command()
 def run(
     study: StudyArgument,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder of results; results/STUDY.")] = None,
-    light: Annotated[str | None, typer.Option(help="An HDR file in place of the study's lights.")] = None,
-    method: Annotated[list[str] | None, typer.Option("-f", "--method", help="Only this method; repeatable.")] = None,
+    light: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|NAME",
+            help="An HDR file, or a light's name, in place of the study's lights.",
+            autocompletion=completion.lights,
+        ),
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        typer.Option("-f", "--method", help="Only this method; repeatable.", autocompletion=completion.methods),
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="In place of the study's seed.")] = None,
     no_cache: Annotated[bool, typer.Option("--no-cache", help="Compute every cell and reference anew.")] = False,
     rerun_failed: Annotated[bool, typer.Option("--rerun-failed", help="Try failed cells again.")] = False,
@@ -56,10 +74,13 @@ def run(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run, and stop.")] = False,
 ) -> None:
     """Run a study, print its table and verdicts, and write its report."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
     from glossbench.runner import Progress, run_study
     from glossbench.study import load_study
 
-    loaded = load_study(study, light_file=light)
+    loaded = load_study(study, light=light)
     if seed is not None:
         loaded = loaded.with_seed(seed)
     if method:
@@ -106,7 +127,9 @@ def run(
 
 
 @app.command()
-def report(results: Annotated[Path, typer.Argument(help="A folder that a run made.")]) -> None:
+def report(
+    results: Annotated[Path, typer.Argument(help="A folder that a run made.", autocompletion=completion.results)],
+) -> None:
     """Write the report of results again."""
     from glossbench.results import Results
 
@@ -136,27 +159,17 @@ def schema() -> None:
     print(json.dumps(study_schema(), indent=2))
 
 
-@app.command()
-def info(
-    name: Annotated[str | None, typer.Argument(help="A method, material, light, view or metric.")] = None,
-) -> None:
-    """List what there is, or describe one thing: its docstring, options, bounds and defaults."""
-    registries = _registries()
-    if name is None:
-        for kind, registry in registries.items():
-            out.print(f"[bold]{kind}[/bold]  {', '.join(registry.names())}", highlight=False)
-        out.print(f"[bold]study[/bold]  {', '.join(_study_names())}", highlight=False)
-        return
-    for kind, registry in registries.items():
-        if name in registry.names():
-            describe(kind, registry.get(name))
-            return
-    raise InputError(f"nothing is called {name!r}{nearest(name, [n for r in registries.values() for n in r.names()])}")
+app.command()(info)
+app.command(name="light")(describe_light)
+app.add_typer(data.app, name="data")
 
 
 @app.command(name="check-method")
 def check_method(
-    name: Annotated[str, typer.Argument(help="A registered method, or a module that registers one.")],
+    name: Annotated[
+        str,
+        typer.Argument(help="A registered method, or a module that registers one.", autocompletion=completion.methods),
+    ],
 ) -> None:
     """Check a method against the contract that every method keeps."""
     from glossbench.contract import check_contract
@@ -191,40 +204,5 @@ def sys_info() -> None:
         say(f"{key}: {value}")
 
 
-@data_app.command(name="list")
-def data_list() -> None:
-    """List the catalogue: name, what it is, licence, and whether it is here."""
-    from glossbench.catalog import entries
-
-    table = Table("name", "kind", "here", "stresses", "licence", box=None, pad_edge=False)
-    for entry in entries():
-        table.add_row(entry.name, entry.kind, "yes" if entry.local() else "no", entry.stresses, entry.licence)
-    out.print(table)
-
-
-@data_app.command(name="fetch")
-def data_fetch(name: Annotated[str, typer.Argument(help="A name of `data list`.")]) -> None:
-    """Bring a file of the catalogue here, verified by its hash."""
-    from glossbench.catalog import fetch
-
-    out.print(str(fetch(name)), highlight=False, soft_wrap=True)
-
-
 def _report_writers() -> dict[str, Callable[[Path], Path]]:
     return {point.name: point.load() for point in entry_points(group="glossbench.reports")}
-
-
-def _registries() -> dict[str, Any]:
-    from glossbench.brdf.material import MATERIALS
-    from glossbench.envmap.lights import LIGHTS
-    from glossbench.metrics import METRICS
-    from glossbench.scene.points import VIEWS
-    from glossbench.shading import METHODS
-
-    return {"method": METHODS, "material": MATERIALS, "light": LIGHTS, "view": VIEWS, "metric": METRICS}
-
-
-def _study_names() -> list[str]:
-    from glossbench.study import study_names
-
-    return study_names()

@@ -1,15 +1,14 @@
-"""What the command line prints: a class and its options, the table of a run, the verdicts."""
+"""What the command line prints: lines, facts, the table of a run, the verdicts."""
 
 import json
-from inspect import cleandoc
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
-from glossbench.options import json_schema
+if TYPE_CHECKING:
+    import pandas
 
 out = Console()
 err = Console(stderr=True)
@@ -20,35 +19,20 @@ def say(text: str) -> None:
     out.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
-def describe(kind: str, cls: Any) -> None:
-    """A registered class: its docstring, options, defaults and bounds."""
-    out.print(f"[bold]{cls.name}[/bold] ({kind})\n", highlight=False)
-    out.print(cleandoc(cls.__doc__ or ""), markup=False, highlight=False)
-    if kind == "metric":
-        say(f"\n{cls.formula}  [{cls.unit}]")
-    table = Table("option", "default", "values", box=None, pad_edge=False)
-    for option, rule in json_schema(cls)["properties"].items():
-        default = json.dumps(rule["default"]) if "default" in rule else "required"
-        table.add_row(option, escape(default), escape(_bounds(rule)))
-    if table.row_count:
+def print_rows(rows: dict[str, str]) -> None:
+    """What something is, a line a fact, and an empty line; facts that are empty are left out."""
+    stated = [(fact, line) for fact, value in rows.items() for line in value.splitlines()]
+    width = max((len(fact) for fact, _ in stated), default=0)
+    before = ""
+    for fact, line in stated:
+        label = "" if fact == before else fact
+        out.print(Text.assemble((f"{label:<{width}}", "bold"), "  ", line), soft_wrap=True)
+        before = fact
+    if stated:
         out.print()
-        out.print(table)
 
 
-def _bounds(rule: dict[str, Any]) -> str:
-    """What a JSON Schema property allows, in a few words."""
-    if "anyOf" in rule:
-        return " or ".join(_bounds(part) for part in rule["anyOf"])
-    if "enum" in rule or "const" in rule:
-        return ", ".join(str(value) for value in rule.get("enum", [rule.get("const")]))
-    if "prefixItems" in rule:
-        return f"{len(rule['prefixItems'])} x {_bounds(rule['prefixItems'][0])}"
-    signs = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
-    limits = [f"{sign} {rule[key]:g}" for key, sign in signs.items() if key in rule]
-    return " ".join([str(rule.get("type", "any")), *limits])
-
-
-def print_table(cells: pandas.DataFrame, metrics: list[str]) -> None:
+def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     """The cells of a run, a row each."""
     table = Table(box=None, pad_edge=False)
     for heading in ("light", "material", "method", "samples", *metrics, "shade ms"):
@@ -88,7 +72,7 @@ def print_verdicts(claims: list[dict[str, Any]]) -> None:
     out.print()
 
 
-def warn_of_noise(cells: pandas.DataFrame) -> None:
+def warn_of_noise(cells: "pandas.DataFrame") -> None:
     """One line if references stopped at their largest number of samples before they met the noise asked for."""
     references = cells.drop_duplicates("reference_key")
     missed = references[references["reference_noise"] > references["reference_target"]]

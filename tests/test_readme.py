@@ -6,7 +6,7 @@ import torch
 
 import glossbench as gb
 from glossbench.contract import check_contract
-from glossbench.study import study_names
+from glossbench.study_files import study_files
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
@@ -47,6 +47,6 @@ def test_method_of_the_readme_shows_a_constant_light_as_it_is():
 
 
 def test_every_installed_study_is_named_in_the_readme():
-    missing = [name for name in study_names() if name not in README]
+    missing = [name for name in study_files() if name not in README]
 
     assert not missing

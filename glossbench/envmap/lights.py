@@ -3,19 +3,22 @@
 import hashlib
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
+from torch import Tensor
 
+from glossbench.catalog import DATA_VARIABLE, data_folders
+from glossbench.envmap.axes import Axes
 from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.facts import LightFacts, facts
 from glossbench.envmap.files import read_image
-from glossbench.envmap.projections import Projection, to_cubemap
+from glossbench.envmap.projections import Projection, guess_projection, to_cubemap
 from glossbench.errors import InputError
-from glossbench.options import Options
+from glossbench.options import Options, Resolution
 from glossbench.registry import Registry
-
-DATA_VARIABLE = "GLOSSBENCH_DATA"
 
 
 class Light(Options):
@@ -25,30 +28,54 @@ class Light(Options):
         """The radiance itself."""
         raise NotImplementedError
 
+    def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
+        """What it holds; its cube map may be handed over where it is made already."""
+        return facts(self.cubemap() if cubemap is None else cubemap)
+
 
 LIGHTS: Registry[Light] = Registry("light", "glossbench.envmap", "glossbench.lights")
 
 
 @LIGHTS.register("file")
 class FileLight(Light):
-    """Radiance of an HDR image file (.hdr, .exr).
+    """Radiance of an image file: .exr, .hdr, .pfm or .dds, or one of 8 bits a channel where `ldr` says so.
 
     Attributes:
         file: path; a relative one is looked for here, beside the study and below the folder GLOSSBENCH_DATA.
         resolution: texels along the edge of a face, a power of two; by default what the image resolves.
         projection: how the image covers the sphere; by default recognised from its shape.
+        axes: whose axis convention it follows; by default forward (-z) is in the centre (see the module axes).
         flip_vertical: the image's first row is straight down.
+        scale: factor on the radiance.
+        layer: of an .exr with several, the layer or part that is the light.
+        ldr: take a .png, .jpg or .tif of 8 bits, decoded from sRGB, for what it is worth.
     """
 
     file: str
-    resolution: Annotated[int, Field(ge=2, le=8192)] | None = None
+    resolution: Resolution | None = None
     projection: Projection | None = None
+    axes: Axes = "forward"
     flip_vertical: bool = False
+    scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    layer: str | None = None
+    ldr: bool = False
+
+    def image(self) -> Tensor:
+        """The file's radiance (H, W, 3) as stored, times `scale`."""
+        return read_image(locate(self.file), self.layer, self.ldr) * self.scale
 
     def cubemap(self) -> CubeMap:
         """The file's radiance as a cube map, its energy kept."""
-        image = read_image(locate(self.file))
-        return to_cubemap(image, self.projection, self.resolution, self.flip_vertical, key=self.key())
+        return self._cubemap(self.image())
+
+    def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
+        """What the file holds, and how it was understood."""
+        image = self.image()
+        cubemap = self._cubemap(image) if cubemap is None else cubemap
+        return facts(cubemap, self.projection or guess_projection(*image.shape[:2]), image)
+
+    def _cubemap(self, image: Tensor) -> CubeMap:
+        return to_cubemap(image, self.projection, self.resolution, self.flip_vertical, self.key(), self.axes)
 
     def key(self) -> str:
         """Hash of the file's bytes, and the options that say how it is read."""
@@ -57,19 +84,33 @@ class FileLight(Light):
         return f"file:{digest}:{json.dumps(reading, sort_keys=True)}"
 
 
+def file_or_name(text: str) -> tuple[str, dict[str, Any]]:
+    """What one word means as a light: a registered name, or an image file, with the options that this states."""
+    return ("file", {"file": text}) if Path(text).suffix and text not in LIGHTS.names() else (text, {})
+
+
+def light_named(text: str, options: Mapping[str, Any]) -> Light:
+    """The light of a registered name or of an image file, with options.
+
+    Raises:
+        InputError: unknown name or option, or a value out of bounds.
+    """
+    name, stated = file_or_name(text)
+    return LIGHTS.create(name, {**stated, **options})
+
+
 def locate(file: str, beside: Path | None = None) -> Path:
-    """The existing file that a name means: as it stands, beside the study, or below GLOSSBENCH_DATA.
+    """The existing file that a name means: as it stands, beside the study, below GLOSSBENCH_DATA, or fetched.
 
     Raises:
         InputError: no such file in any of these places.
     """
     folder = os.environ.get(DATA_VARIABLE)
     for place in [Path(file), *([beside / file] if beside else [])]:
-        if place.is_file():
+        if os.path.isfile(place):  # false, where Path.is_file raises: for a name too long
             return place
-    if folder and Path(folder).is_dir() and not Path(file).is_absolute():
-        found = sorted(Path(folder).rglob(Path(file).name))
-        matching = [p for p in found if p.is_file() and p.as_posix().endswith(file)]
+    for data in [] if Path(file).is_absolute() else data_folders():
+        matching = [p for p in sorted(data.rglob("*")) if p.as_posix().endswith(f"/{file}") and p.is_file()]
         if matching:
             return matching[0]
     where = f"not below {DATA_VARIABLE}={folder}" if folder else f"and {DATA_VARIABLE} names no folder of data"

@@ -1,0 +1,38 @@
+"""Values that the Tab key offers: names as files state them, for importing torch would take seconds."""
+
+import re
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from importlib.resources import files
+from pathlib import Path
+
+from glossbench.catalog import entries
+from glossbench.study_files import study_files
+
+_REGISTERED = re.compile(r'^@([A-Z]+)S\.register\("(\w+)"\)', re.MULTILINE)
+
+
+def registered(kind: str | None = None) -> list[str]:
+    """Names that sources of the package register, of one kind or of all, and those of entry points.
+
+    Of an entry point the name is read, not what its module registers: a method's file is named as the method is.
+    """
+    packages = [Path(str(files(package))) for package in ("glossbench", "glossbench.methods")]
+    sources = [path.read_text(encoding="utf-8") for package in packages for path in package.rglob("*.py")]
+    found = {name for text in sources for of, name in _REGISTERED.findall(text) if kind in (None, of.lower())}
+    for of in (kind,) if kind else ("method", "material", "light", "view", "metric"):
+        found |= set(entry_points(group=f"glossbench.{of}s").names)
+    return sorted(found)
+
+
+def beginning(names: Callable[[], list[str]]) -> Callable[[str], list[str]]:
+    """What typer asks for: the names that go on from what is typed; where none does, shells offer files."""
+    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
+
+
+studies = beginning(lambda: list(study_files()))
+methods = beginning(lambda: registered("method"))
+lights = beginning(lambda: sorted({*registered("light"), *(e.name for e in entries("environment"))} - {"file"}))
+catalogue = beginning(lambda: [entry.name for entry in entries()])
+results = beginning(lambda: sorted(str(path.parent) for path in Path("results").glob("*/cells.parquet")))
+everything = beginning(lambda: sorted({*registered(), *study_files(), *(entry.name for entry in entries())}))

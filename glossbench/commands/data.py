@@ -1,0 +1,69 @@
+"""`glossbench data`: the catalogue of public inputs."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from glossbench.catalog import entries, entry, fetch
+from glossbench.commands.completion import catalogue
+from glossbench.errors import InputError
+from glossbench.printing import err, out, say
+
+app = typer.Typer(help="List and fetch public files of lights, BRDFs and meshes.", no_args_is_help=True)
+
+Kind = Annotated[str | None, typer.Option(help="Only these: environment, brdf or mesh.")]
+
+
+@app.command(name="list")
+def list_entries(
+    kind: Kind = None,
+    as_json: Annotated[bool, typer.Option("--json", help="All that is known, as JSON.")] = False,
+) -> None:
+    """List the public inputs: what each is good for, its size, and where it is if it is here."""
+    stated = [(one, one.local()) for one in entries(kind)]
+    if as_json:
+        print(json.dumps([asdict(one) | {"local": str(path) if path else None} for one, path in stated], indent=2))
+        return
+    table = Table("name", "kind", "MB", "here", "stresses", box=None, pad_edge=False)
+    for one, path in stated:
+        table.add_row(one.name, one.kind, f"{one.bytes / 1e6:.2f}", "yes" if path else "no", one.stresses)
+    out.print(table)
+    folders = sorted({str(path.parent) for _, path in stated if path})
+    out.print()
+    for folder in folders:
+        say(f"here: {folder}")
+    say("licences and sources: glossbench info NAME")
+
+
+@app.command(name="fetch")
+def fetch_entries(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME", help="Names of `data list`.", autocompletion=catalogue)
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="Everything.")] = False,
+    kind: Kind = None,
+) -> None:
+    """Bring public inputs here, verified by their hashes; a broken download goes on where it stopped."""
+    wanted = list(dict.fromkeys(entry(name).name for name in names or []))
+    if every or kind:
+        if wanted:
+            raise InputError("data fetch takes names, or --all, or --kind, not both")
+        wanted = [one.name for one in entries(kind)]
+    if not wanted:
+        raise InputError("data fetch needs a name of `glossbench data list`, --all or --kind")
+    for name in wanted:
+        say(str(_fetched(name)))
+
+
+def _fetched(name: str) -> Path:
+    """The file of a name, with a bar on a terminal while it arrives."""
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(name, total=entry(name).bytes)
+        return fetch(name, lambda n: bar.update(task, completed=n))

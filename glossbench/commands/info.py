@@ -1,0 +1,138 @@
+"""`glossbench info`: everything that has a name, and what it is."""
+
+import json
+from inspect import cleandoc
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import yaml
+from rich.markup import escape
+from rich.table import Table
+
+from glossbench.catalog import Entry, entries
+from glossbench.commands.completion import everything
+from glossbench.errors import InputError, nearest
+from glossbench.printing import out, print_rows, say
+from glossbench.study_files import study_files
+
+
+def info(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="Of a method, material, light, view, metric, study or public file.", autocompletion=everything
+        ),
+    ] = None,
+) -> None:
+    """List what has a name, or describe it: what it computes, its options with bounds and defaults, its source."""
+    kinds = registries()
+    studies, files = study_files(), {entry.name: entry for entry in entries()}
+    if name is None:
+        for kind, registry in kinds.items():
+            _names(kind, [n for n in registry.names() if n not in files])
+        _names("study", list(studies))
+        _names("public file", list(files))
+        return
+    known = {*studies, *files, *(n for registry in kinds.values() for n in registry.names())}
+    if name not in known:
+        raise InputError(f"nothing is called {name!r}{nearest(name, known)}")
+    for kind, registry in kinds.items():
+        if name in registry.names():
+            _describe_class(kind, registry.get(name))
+    if name in studies:
+        _describe_study(name, studies[name])
+    if name in files:
+        _describe_file(files[name])
+
+
+def registries() -> dict[str, Any]:
+    """The registry of each kind of thing."""
+    from glossbench.brdf.material import MATERIALS
+    from glossbench.envmap.lights import LIGHTS
+    from glossbench.metrics import METRICS
+    from glossbench.scene.points import VIEWS
+    from glossbench.shading import METHODS
+
+    return {"method": METHODS, "material": MATERIALS, "light": LIGHTS, "view": VIEWS, "metric": METRICS}
+
+
+def _names(kind: str, names: list[str]) -> None:
+    out.print(f"[bold]{kind}[/bold]  {', '.join(names)}", highlight=False)
+
+
+def _heading(name: str, kind: str) -> None:
+    out.print(f"[bold]{name}[/bold] ({kind})\n", highlight=False)
+
+
+def _describe_class(kind: str, cls: Any) -> None:
+    """A registered class: its docstring, what it states of itself, its options with defaults and bounds."""
+    from glossbench.options import Options, json_schema
+
+    _heading(cls.name, kind)
+    out.print(cleandoc(cls.__doc__ or ""), markup=False, highlight=False)
+    out.print()
+    kind_of = next(base for base in cls.__mro__ if Options in base.__bases__)
+    stated = {key: getattr(cls, key) for key in vars(kind_of).get("__annotations__", {})}
+    print_rows({key.replace("_", " "): _word(value) for key, value in stated.items() if isinstance(value, str | bool)})
+    table = Table("option", "default", "values", box=None, pad_edge=False)
+    for option, rule in json_schema(cls)["properties"].items():
+        default = json.dumps(rule["default"]) if "default" in rule else "required"
+        table.add_row(option, escape(default), escape(values(rule)))
+    if table.row_count:
+        out.print(table)
+        out.print()
+
+
+def _word(value: str | bool) -> str:
+    return value if isinstance(value, str) else "yes" if value else "no"
+
+
+def values(rule: dict[str, Any]) -> str:
+    """What a JSON Schema property allows, in a few words."""
+    if "anyOf" in rule:
+        return " or ".join(values(part) for part in rule["anyOf"])
+    if "enum" in rule or "const" in rule:
+        return ", ".join(str(value) for value in rule.get("enum", [rule.get("const")]))
+    if "prefixItems" in rule:
+        return f"{len(rule['prefixItems'])} x {values(rule['prefixItems'][0])}"
+    if "items" in rule:
+        return f"list of {values(rule['items'])}"
+    if rule.get("type") == "null":
+        return "none"
+    signs = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+    limits = ", ".join(f"{sign} {rule[key]}" for key, sign in signs.items() if key in rule)
+    return f"{rule.get('type', 'any')} {limits}".rstrip()
+
+
+def _describe_study(name: str, path: Path) -> None:
+    """A study by what it asks, without the files that its run needs."""
+    stated = yaml.safe_load(path.read_text(encoding="utf-8"))
+    _heading(name, "study")
+    say(stated["title"])
+    print_rows(
+        {
+            "question": " ".join(stated.get("question", "").split()),
+            "source": stated.get("source", ""),
+            "methods": ", ".join(dict.fromkeys(m if isinstance(m, str) else next(iter(m)) for m in stated["methods"])),
+            "claims": "\n".join(claim["text"] for claim in stated.get("claims", [])),
+            "file": str(path),
+        }
+    )
+
+
+def _describe_file(entry: Entry) -> None:
+    """An entry of the catalogue."""
+    here = entry.local()
+    _heading(entry.name, f"{entry.kind}, public file")
+    print_rows(
+        {
+            "stresses": entry.stresses,
+            "here": str(here) if here else f"no; glossbench data fetch {entry.name}",
+            "read as": yaml.safe_dump(entry.reading, default_flow_style=True).strip("{}\n"),
+            "licence": entry.licence,
+            "source": entry.url,
+            "bytes": str(entry.bytes),
+            "sha256": entry.sha256,
+        }
+    )

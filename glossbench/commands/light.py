@@ -1,0 +1,84 @@
+"""`glossbench light`: what a light is, a picture of it, and the same light in another projection."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from glossbench.commands.completion import lights
+from glossbench.errors import InputError
+from glossbench.printing import out, print_rows, say
+
+if TYPE_CHECKING:
+    from glossbench.envmap.facts import LightFacts
+    from glossbench.envmap.projections import Projection
+
+SHORT = {"cross": "vertical_cross"}
+Axes = "forward, opengl, directx, mitsuba, blender, pbrt or nvdiffrec"
+
+
+def light(
+    name: Annotated[
+        str, typer.Argument(metavar="FILE|NAME", help="An image file, or a light's name.", autocompletion=lights)
+    ],
+    resolution: Annotated[int | None, typer.Option(help="Texels along the edge of a face, a power of two.")] = None,
+    projection: Annotated[str | None, typer.Option(help="How the file covers the sphere; else by its shape.")] = None,
+    axes: Annotated[str | None, typer.Option(help=f"Whose axes the file follows: {Axes}.")] = None,
+    flip: Annotated[bool, typer.Option("--flip", help="The file's first row is straight down.")] = False,
+    ldr: Annotated[bool, typer.Option("--ldr", help="Take a file of 8 bits, decoded from sRGB.")] = False,
+    png: Annotated[Path | None, typer.Option(help="Write a tone-mapped picture to this .png file.")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the light to this .exr file.")] = None,
+    written: Annotated[
+        str,
+        typer.Option(
+            "--as", metavar="PROJECTION",
+            help="Of the file that is written: lat_long, angular, vertical_cross (or cross), horizontal_cross, strip, "
+            "dual_paraboloid, octahedral or octahedral_equal_area.",
+        ),
+    ] = "lat_long",
+    written_axes: Annotated[str, typer.Option("--as-axes", help="Of the file that is written.")] = "forward",
+) -> None:  # fmt: skip
+    """Say what a light is, draw it, and write it in another projection."""
+    from glossbench.commands.picture import half_blocks, picture, write_png
+    from glossbench.envmap.files import write_exr
+    from glossbench.envmap.lights import light_named
+    from glossbench.envmap.projections import from_cubemap
+
+    if output is None and (written, written_axes) != ("lat_long", "forward"):
+        raise InputError("--as and --as-axes say how a file is written: name it by -o")
+    given = {"resolution": resolution, "projection": projection, "axes": axes, "flip_vertical": flip, "ldr": ldr}
+    chosen = light_named(name, {option: value for option, value in given.items() if value not in (None, False)})
+    cubemap = chosen.cubemap()
+    print_rows({"light": name} | told(chosen.facts(cubemap)))
+    if out.is_terminal:
+        out.print(half_blocks(picture(cubemap, min(out.width, 160) // 2)))
+    if png is not None:
+        write_png(png, picture(cubemap, 512))
+        say(f"picture: {png}")
+    if output is not None:
+        form = SHORT.get(written, written)
+        write_exr(output, from_cubemap(cubemap, cast("Projection", form), axes=written_axes))
+        say(f"{form}: {output}")
+
+
+def told(facts: "LightFacts") -> dict[str, str]:
+    """The facts of a light, each in a few words."""
+    read_as, image_peak = "", ""
+    if facts.projection is not None:
+        read_as = f"{facts.projection}, {facts.width} x {facts.height} pixels"
+        image_peak = f", of a pixel {facts.image_peak:.4g}"
+    return {
+        "read as": read_as,
+        "cube map": f"6 faces of {facts.resolution} x {facts.resolution} texels",
+        "mean radiance": _rgb(facts.mean),
+        "peak luminance": f"{facts.peak:.4g}{image_peak}",
+        "dynamic range": f"{float(f'{facts.dynamic_range:.3g}'):,.0f} : 1",
+        "brightest 0.1 %": f"{100 * facts.brightest_share:.3g} % of the energy",
+        "irradiance up": _rgb(facts.irradiance_up),
+        "irradiance right": _rgb(facts.irradiance_right),
+        "irradiance forward": _rgb(facts.irradiance_forward),
+    }
+
+
+def _rgb(color: tuple[float, float, float]) -> str:
+    return "  ".join(f"{c:<8.4g}" for c in color).rstrip()

@@ -1,0 +1,71 @@
+"""A picture of a light: tone mapped, for a terminal or as a PNG."""
+
+import os
+from io import BytesIO
+from pathlib import Path
+from uuid import uuid4
+
+import torch
+from rich.text import Text
+from torch import Tensor
+from torch.nn.functional import adaptive_avg_pool2d
+
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.importance import LUMINANCE
+from glossbench.envmap.projections import from_cubemap
+from glossbench.errors import InputError
+
+
+def picture(cubemap: CubeMap, height: int) -> Tensor:
+    """The light by latitude and longitude, (H, 2 H, 3) uint8, sRGB; averaged over area before any curve."""
+    fine = from_cubemap(cubemap, "lat_long", 1 << max(1, (height - 1).bit_length() - 1))
+    return tone_mapped(adaptive_avg_pool2d(fine.permute(2, 0, 1), (height, 2 * height)).permute(1, 2, 0))
+
+
+def tone_mapped(radiance: Tensor) -> Tensor:
+    """Radiance (H, W, 3) as a display shows it, uint8.
+
+    L' = x / (1 + x), x = 0.18 L / Lm, Lm the geometric mean of the luminance where it is not black; colours keep
+    their ratios, and what is beyond the display's range is white; then the sRGB curve.
+
+    Source: Reinhard et al. 2002, eq. 1 to 3. Differs: black pixels do not count towards Lm.
+    """
+    luminance = radiance.double() @ torch.tensor(LUMINANCE).double()
+    lit = luminance[luminance > 0]
+    exposed = radiance.double() * (0.18 / lit.log().mean().exp() if len(lit) else 0.0)
+    linear = (exposed / (1 + exposed @ torch.tensor(LUMINANCE).double())[..., None]).clamp(0, 1)
+    encoded = torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return (255 * encoded).round().to(torch.uint8)
+
+
+def half_blocks(pixels: Tensor) -> Text:
+    """Pixels (H, W, 3) uint8 as text: a character shows two, one above the other."""
+    rows = pixels[: pixels.shape[0] // 2 * 2].tolist()
+    drawn = Text(no_wrap=True, end="")
+    for upper, lower in zip(rows[::2], rows[1::2], strict=True):
+        for above, below in zip(upper, lower, strict=True):
+            drawn.append("▀", f"rgb({','.join(map(str, above))}) on rgb({','.join(map(str, below))})")
+        drawn.append("\n")
+    return drawn
+
+
+def write_png(path: Path, pixels: Tensor) -> None:
+    """Writes pixels (H, W, 3) uint8 under a name that ends in .png, whole or not at all.
+
+    Raises:
+        InputError: another ending, or a folder that cannot be written.
+    """
+    from matplotlib.image import imsave
+
+    if path.suffix.lower() != ".png":
+        raise InputError(f"{path}: the extension must be .png, got {path.suffix!r}")
+    encoded = BytesIO()
+    imsave(encoded, pixels.numpy(), format="png")
+    part = path.with_name(f".{path.name}.{uuid4().hex}.part")
+    try:
+        part.write_bytes(encoded.getvalue())
+        os.replace(part, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    finally:
+        part.unlink(missing_ok=True)

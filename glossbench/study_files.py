@@ -1,0 +1,10 @@
+"""The studies that are installed: a name -> its YAML."""
+
+from importlib import resources
+from pathlib import Path
+
+
+def study_files() -> dict[str, Path]:
+    """The file of each installed study, by name, sorted."""
+    found = [Path(str(entry)) for entry in resources.files("glossbench.studies").iterdir()]
+    return {file.stem: file for file in sorted(found) if file.suffix == ".yaml"}
