@@ -11,6 +11,7 @@ from glossbench.directions import PointSet, points_2d, to_world
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.pyramid import Environment, finest, weighted_radiance
 from glossbench.fusion import over_points
+from glossbench.options import Seed
 from glossbench.scene.points import ShadingPoints
 from glossbench.shading import METHODS, Contract, Method, stage
 from glossbench.stages import diffuse_radiance, irradiance
@@ -33,7 +34,7 @@ class ImportanceSampling(Method):
 
     samples: Annotated[int, Field(ge=1, le=1 << 20)] = 40
     points: PointSet = "hammersley"
-    seed: int = 0
+    seed: Seed = 0
 
     # Measured: furnace 1.5e-4, slope -0.95; random points would give -0.5.
     contract = Contract(furnace=1e-3, slope=-0.5)

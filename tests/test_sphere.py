@@ -89,3 +89,31 @@ def test_the_viewer_in_the_local_frame_stands_at_the_cosine_above_the_surface(vi
 
 def test_all_resolutions_show_the_same_scene():
     assert gb.view("sphere", resolution=8).scene() == gb.view("sphere", resolution=64).scene()
+
+
+@pytest.mark.parametrize("coverage", [0.25, 0.5, 1.0])
+def test_a_wide_image_shows_the_sphere_in_the_share_of_its_pixels_asked_for(coverage):
+    view = gb.view("sphere", resolution=270, width=480, coverage=coverage)
+
+    mask = view.mask()
+
+    assert mask.shape == (270, 480)
+    # Measured 1.4e-4 or less: pixels come in rings of equal distance from the middle.
+    assert mask.double().mean().item() == pytest.approx(coverage, abs=3e-4)
+    assert len(view.points()) == mask.sum()
+    torch.testing.assert_close(mask, mask.flip(0, 1))
+
+
+def test_a_wide_image_without_coverage_shows_the_whole_disc():
+    wide, square = gb.view("sphere", resolution=64, width=100), gb.view("sphere", resolution=64)
+
+    torch.testing.assert_close(wide.mask()[:, 18:82], square.mask())
+    assert wide.mask().sum() == square.mask().sum()
+    torch.testing.assert_close(stack(wide.points().n), stack(square.points().n))
+
+
+def test_a_covered_image_shows_no_surface_edge_on():
+    points = gb.view("sphere", resolution=108, width=192, coverage=1.0).points()
+
+    # Radius^2 - last pixel's distance^2 = 1 pixel^2, over the radius of 110 pixels.
+    assert points.n.z.min().item() == pytest.approx(1 / 110, rel=0.01)

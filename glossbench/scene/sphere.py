@@ -18,20 +18,33 @@ class UnitSphere:
 
 @VIEWS.register("sphere")
 class Sphere(View):
-    """A unit sphere that fills a square image, seen along -z by an orthographic camera.
+    """A unit sphere in the middle of the image, seen along -z by an orthographic camera.
 
-    The pixel at (x, y) in [-1, 1]^2 shows the normal (x, y, sqrt(1 - x^2 - y^2)); wo = (0, 0, 1) everywhere. The
-    tangent runs along circles of latitude: t = up x n / |up x n|, b = n x t.
+    The pixel at (x, y) radii from the middle shows the normal (x, y, sqrt(1 - x^2 - y^2)); wo = (0, 0, 1) everywhere.
+    The tangent runs along circles of latitude: t = up x n / |up x n|, b = n x t.
 
     Attributes:
-        resolution: pixels along an edge.
+        resolution: rows of pixels.
+        width: columns of pixels; by default as many as rows.
+        coverage: share of the pixels that show the sphere, to a few pixels; by default its disc fills the shorter edge.
     """
 
     resolution: Annotated[int, Field(ge=1, le=8192)] = 256
+    width: Annotated[int, Field(ge=1, le=8192)] | None = None
+    coverage: Annotated[float, Field(gt=0, le=1)] | None = None
 
     def _grid(self) -> tuple[Tensor, Tensor]:
-        s = (torch.arange(self.resolution, dtype=torch.float64) * 2 + 1) / self.resolution - 1
-        return s[None, :].expand(len(s), -1), -s[:, None].expand(-1, len(s))
+        """x to the right and y up of every pixel's centre (H, W), in radii."""
+        height, width = self.resolution, self.width or self.resolution
+        x = torch.arange(width, dtype=torch.float64) + 0.5 - width / 2
+        y = height / 2 - 0.5 - torch.arange(height, dtype=torch.float64)
+        radius = min(height, width) / 2
+        if self.coverage is not None:
+            squares = (x[None, :] ** 2 + y[:, None] ** 2).flatten()
+            covered = max(1, round(self.coverage * height * width))
+            # A little beyond the last pixel of those: on the rim itself the surface is seen edge on.
+            radius = float(squares.kthvalue(covered).values + 1) ** 0.5
+        return (x / radius).expand(height, -1), (y / radius)[:, None].expand(-1, width)
 
     def mask(self) -> Tensor:
         """True (H, W) where a pixel's centre lies inside the disc."""
