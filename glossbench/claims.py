@@ -9,12 +9,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from glossbench.errors import nearest
 from glossbench.options import Finite
 
-COLUMNS = (
-    "n_samples",
-    "shade_seconds",
-    "state_bytes",
-    "stage_seconds",
-)  # costs; those of stages are added up
+# Costs. Those of stages are added up; a claim may be about one of them: stage_seconds.pyramid, update_seconds.light.
+COLUMNS = ("n_samples", "shade_seconds", "state_bytes", "stage_seconds")
 PLACES = ("light", "material", "view")
 
 
@@ -37,6 +33,8 @@ def _ordered(bounds: tuple[float | None, float | None]) -> tuple[float | None, f
 
 Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_ordered), BeforeValidator(_tuple)]
 Name = Annotated[str, Field(min_length=1)]
+# A method, or {method: {option: value, ...}} for those of its cells that have these values.
+Side = Name | Annotated[dict[Name, dict[str, Any]], Field(min_length=1, max_length=1)]
 Names = Annotated[list[Name], BeforeValidator(_listed, json_schema_input_type=Name | list[Name])]
 
 
@@ -45,7 +43,8 @@ class _Claim(BaseModel):
 
     Attributes:
         text: the sentence, as the report prints it.
-        where: light, material, view or an option's name -> the value, or the values, that cells must have.
+        where: light, material, view or an option's name -> the value, or the values, that cells must have; a light,
+            material or view by its name, or as {name: {option: value}}.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -55,30 +54,30 @@ class _Claim(BaseModel):
 
 
 class LowerClaim(_Claim):
-    """|metric| of one method is below that of another, for every light, material, view and pairing option."""
+    """|metric| of one side is below that of another, for every light, material, view and pairing option."""
 
     kind: ClassVar[str] = "lower"
-    lower: Name
-    than: Name
+    lower: Side
+    than: Side
     metric: Name
     paired_by: Names = []
 
 
 class SlopeClaim(_Claim):
-    """The least-squares slope of log |metric| over log option lies within bounds, for every curve."""
+    """The least-squares slope of log |metric or cost| over log option lies within bounds, for every curve."""
 
     kind: ClassVar[str] = "slope"
-    slope: Name
+    slope: Side
     over: Name
     metric: Name
     between: Bounds
 
 
 class RatioClaim(_Claim):
-    """A column of one method over that of another lies within bounds; pairs as in LowerClaim."""
+    """A column of one side over that of another lies within bounds; pairs as in LowerClaim."""
 
     kind: ClassVar[str] = "ratio"
-    ratio: Annotated[tuple[Name, Name], BeforeValidator(_tuple)]
+    ratio: Annotated[tuple[Side, Side], BeforeValidator(_tuple)]
     of: Name
     between: Bounds
     paired_by: Names = []
@@ -88,7 +87,7 @@ class ValueClaim(_Claim):
     """A column of a method lies within bounds, or equals a number, in every cell."""
 
     kind: ClassVar[str] = "value"
-    value: Name
+    value: Side
     of: Name
     between: Bounds | None = None
     equals: Finite | None = None
@@ -104,22 +103,37 @@ Claim = LowerClaim | SlopeClaim | RatioClaim | ValueClaim
 KINDS: dict[str, type[Claim]] = {c.kind: c for c in (LowerClaim, SlopeClaim, RatioClaim, ValueClaim)}
 
 
-def methods_of(claim: Claim) -> dict[tuple[str | int, ...], str]:
-    """The methods that a claim names, by the path of the key that names them."""
+def sides_of(claim: Claim) -> dict[tuple[str | int, ...], Side]:
+    """The sides that a claim compares, or its one method, by the path of the key that states them."""
     match claim:
         case LowerClaim():
             return {("lower",): claim.lower, ("than",): claim.than}
         case RatioClaim():
-            return {("ratio", i): name for i, name in enumerate(claim.ratio)}
+            return {("ratio", i): side for i, side in enumerate(claim.ratio)}
         case SlopeClaim():
             return {("slope",): claim.slope}
         case ValueClaim():
             return {("value",): claim.value}
 
 
+def method_of(side: Side) -> str:
+    """The method of a side."""
+    return side if isinstance(side, str) else next(iter(side))
+
+
+def options_of(side: Side) -> dict[str, Any]:
+    """The values of options that a side asks for."""
+    return {} if isinstance(side, str) else next(iter(side.values()))
+
+
+def methods_of(claim: Claim) -> set[str]:
+    """The methods that a claim names."""
+    return {method_of(side) for side in sides_of(claim).values()}
+
+
 def unknown_name(
     claim: Claim, methods: Mapping[str, Collection[str]], places: Mapping[str, Collection[str]],
-    material_options: Collection[str], metrics: Collection[str],
+    material_options: Collection[str], metrics: Collection[str], costs: Collection[str],
 ) -> tuple[tuple[str | int, ...], str] | None:  # fmt: skip
     """The first name in a claim that its study does not have: the path of its key, and the message.
 
@@ -128,20 +142,28 @@ def unknown_name(
         places: the names that light, material and view each answer to; what is left out is not checked.
         material_options: options of the study's materials.
         metrics: the study's metrics.
+        costs: columns of costs that the study's cells have.
     """
-    named = methods_of(claim)
-    for path, name in named.items():
+    sides = sides_of(claim)
+    for path, side in sides.items():
+        name = method_of(side)
         if name not in methods:
             return path, f"no method {name!r} in this study{nearest(name, methods)}"
-    options = [set(methods[name]) for name in named.values()]
+        for option in options_of(side):
+            if option not in methods[name]:
+                where = (*path, name, option)
+                return where, f"no option {option!r} of {name} in this study{nearest(option, methods[name])}"
+    options = [set(methods[method_of(side)]) for side in sides.values()]
     shared = set.intersection(*options)
     wanted: list[tuple[str, str, str, Collection[str]]] = []  # key, what, name, known
-    if isinstance(claim, LowerClaim | SlopeClaim):
+    if isinstance(claim, LowerClaim):
         wanted.append(("metric", "metric", claim.metric, metrics))
-    if isinstance(claim, RatioClaim | ValueClaim):
-        wanted.append(("of", "column", claim.of, [*metrics, *COLUMNS]))
     if isinstance(claim, SlopeClaim):
-        wanted.append(("over", f"option of {claim.slope}", claim.over, shared))
+        wanted.append(("metric", "metric or cost", claim.metric, [*metrics, *costs]))
+    if isinstance(claim, RatioClaim | ValueClaim):
+        wanted.append(("of", "column", claim.of, [*metrics, *costs]))
+    if isinstance(claim, SlopeClaim):
+        wanted.append(("over", f"option of {method_of(claim.slope)}", claim.over, shared))
     if isinstance(claim, LowerClaim | RatioClaim):
         wanted += [("paired_by", "option of both methods", name, shared) for name in claim.paired_by]
     for key, what, name, known in wanted:
@@ -152,7 +174,8 @@ def unknown_name(
         if key not in restrictable:
             text = f"no option {key!r} of its methods or materials{nearest(key, restrictable)}"
             return ("where", key), text
-        for name in _listed(value):
+        for one in _listed(value):
+            name = next(iter(one), "") if isinstance(one, dict) else one
             if key in places and name not in places[key]:
                 return ("where", key), f"no {key} {name!r} in this study{nearest(str(name), places[key])}"
     return None
@@ -168,6 +191,34 @@ def agrees(wanted: Any, actual: Any) -> bool:
         alike = len(wanted) == len(actual) and all(agrees(w, a) for w, a in zip(wanted, actual, strict=True))
         return alike or any(isinstance(one, list) and agrees(one, actual) for one in wanted)
     return bool(wanted == actual) and isinstance(wanted, bool) == isinstance(actual, bool)
+
+
+def within(row: Mapping[str, Any], where: Mapping[str, Any], of_methods: Collection[str]) -> bool:
+    """Whether a cell is what `where` asks for; what only the other method has does not restrict it.
+
+    Args:
+        row: names and options of a cell, as `light`, `light_options` and so on, those of its method as `options`.
+        of_methods: the options of all methods that the claim is about.
+    """
+    for key, wanted in where.items():
+        if key in PLACES:
+            fits = any(_is_called(one, row[key], row[f"{key}_options"]) for one in _listed(wanted))
+        elif key in row["options"] or key in of_methods:
+            fits = key not in row["options"] or agrees(wanted, row["options"][key])
+        else:
+            fits = key in row["material_options"] and agrees(wanted, row["material_options"][key])
+        if not fits:
+            return False
+    return True
+
+
+def _is_called(wanted: Any, name: str, options: Mapping[str, Any]) -> bool:
+    """Whether a place answers to a name, or to {name: {option: value, ...}}."""
+    stated: Mapping[str, Any] = {}
+    if isinstance(wanted, dict) and len(wanted) == 1:
+        [(wanted, stated)] = wanted.items()
+    fits = wanted in called(name, options) and isinstance(stated, dict)
+    return fits and all(key in options and agrees(value, options[key]) for key, value in stated.items())
 
 
 def called(name: str, options: Mapping[str, Any]) -> set[str]:

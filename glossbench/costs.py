@@ -55,15 +55,16 @@ def _run(work: Callable[[], Any], device: str) -> tuple[Any, float]:
 
 def n_bytes(value: Any) -> int:
     """Bytes of all tensors inside a value: tuples, dictionaries and dataclasses of them."""
-    return sum(t.element_size() * t.nelement() for t in _tensors(value))
+    return sum(t.element_size() * t.nelement() for t in tensors_in(value))
 
 
-def _tensors(value: Any) -> Iterator[Tensor]:
+def tensors_in(value: Any) -> Iterator[Tensor]:
+    """All tensors inside a value: tuples, dictionaries and dataclasses of them."""
     if isinstance(value, Tensor):
         yield value
     elif isinstance(value, Mapping):
-        yield from (t for v in value.values() for t in _tensors(v))
+        yield from (t for v in value.values() for t in tensors_in(v))
     elif isinstance(value, tuple | list):
-        yield from (t for v in value for t in _tensors(v))
+        yield from (t for v in value for t in tensors_in(v))
     elif dataclasses.is_dataclass(value):
-        yield from (t for f in dataclasses.fields(value) for t in _tensors(getattr(value, f.name)))
+        yield from (t for f in dataclasses.fields(value) for t in tensors_in(getattr(value, f.name)))

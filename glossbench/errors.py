@@ -11,9 +11,10 @@ class InputError(ValueError):
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint for an unknown name: "; did you mean 'kurt'?", or the valid names when none is near."""
     names = sorted(known)
-    close = get_close_matches(str(name).lower(), names, n=1, cutoff=0.5)
+    by_lower = {known_name.lower(): known_name for known_name in names}
+    close = get_close_matches(str(name).lower(), by_lower, n=1, cutoff=0.5)
     if close:
-        return f"; did you mean {close[0]!r}?"
+        return f"; did you mean {by_lower[close[0]]!r}?"
     return f"; known: {', '.join(names)}" if names else ""
 
 

@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self, dataclass_transform, get_type_hints
 
-from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
 
 from glossbench.errors import InputError, nearest
 
@@ -15,6 +15,12 @@ def _spread(n: int) -> Any:
     return BeforeValidator(lambda v: (v,) * n if isinstance(v, int | float) and not isinstance(v, bool) else v)
 
 
+def _power_of_two(n: int) -> int:
+    if n & (n - 1):
+        raise ValueError("must be a power of two")
+    return n
+
+
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -22,7 +28,8 @@ Color = Annotated[tuple[Fraction, Fraction, Fraction], _spread(3)]  # reflectanc
 Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], _spread(3)]
 Width = Annotated[float, Field(gt=0, le=1)]  # of a microfacet distribution
 Widths = Annotated[tuple[Width, Width], _spread(2)]  # along t and b; a scalar is isotropic
-Resolution = Annotated[int, Field(ge=2, le=8192)]
+Resolution = Annotated[int, Field(ge=2, le=8192), AfterValidator(_power_of_two)]  # along the edge of a cube's face
+Seed = Annotated[int, Field(ge=0, lt=1 << 32)]  # times replicates and points it still fits the generators' 64 bits
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -79,6 +86,9 @@ def check(cls: type[Options], option: str, value: Any) -> Any:
     except ValidationError as error:
         first = error.errors()[0]
         where = "".join(f"[{part}]" for part in first["loc"] if isinstance(part, int))
+        within = first.get("ctx", {}).get("error")
+        if isinstance(within, InputError):  # of an option that holds options itself
+            raise InputError(f"{cls.name or cls.__name__}.{option}{where}: {within}") from None
         rule = first["msg"].removeprefix("Value error, ").removeprefix("Input ").replace("should", "must", 1)
         bad = " ".join(repr(first["input"]).split())  # an array spans several lines
         raise InputError(f"{cls.name or cls.__name__}.{option}{where} {rule}, got {bad}") from None

@@ -14,14 +14,14 @@ import torch
 
 # What decides the numbers: a change of any of these files makes every cell new.
 NUMERICS = (
-    "brdf", "envmap", "scene", "directions.py", "fusion.py", "ground_truth.py", "metrics.py", "options.py",
+    "brdf", "envmap", "scene", "directions.py", "fusion.py", "ground_truth.py", "metrics", "options.py",
     "shading.py", "stages.py", "tuning.py",
 )  # fmt: skip
 
 
 def numerics_hash() -> str:
     """SHA-256 of the source that decides the numbers, and of the versions of what computes and decodes them."""
-    versions = [torch.__version__, version("scipy"), version("OpenImageIO")]
+    versions = [torch.__version__, *map(version, ("scipy", "scikit-image", "flip-evaluator", "OpenImageIO"))]
     digest = hashlib.sha256(" ".join(versions).encode())
     package = Path(__file__).parent
     for part in NUMERICS:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar
 
+from glossbench.catalog import KINDS, entries
 from glossbench.errors import InputError, nearest
 from glossbench.options import Options
 
@@ -52,8 +53,13 @@ class Registry(Generic[T]):
         """The class behind a name; InputError with the nearest name when there is none."""
         self._discover()
         if name not in self._classes:
-            raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self._classes)}")
+            raise InputError(self.unknown(name))
         return self._classes[name]
+
+    def unknown(self, name: str) -> str:
+        """What to say of a name that is none of these: what the catalogue has under it, or the nearest name."""
+        elsewhere = next((f"; the catalogue has {KINDS[e.kind]} of this name" for e in entries() if e.name == name), "")
+        return f"unknown {self.kind} {name!r}{elsewhere or nearest(name, self.names())}"
 
     def create(self, name: str, options: Mapping[str, Any]) -> T:
         """An instance of the named class with these options."""
@@ -69,7 +75,7 @@ class Registry(Generic[T]):
         for point in entry_points(group=self._group):
             try:
                 point.load()
-            except Exception as error:  # another distribution's fault must not take every command with it
+            except (Exception, SystemExit) as error:  # another distribution's fault must not take every command with it
                 first = (str(error).splitlines() or [""])[0]
                 logging.getLogger("glossbench").warning(
                     "%s %r of %s cannot be loaded: %s: %s",

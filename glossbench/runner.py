@@ -1,11 +1,15 @@
 """Running a study: cell after cell, each remembered on disk, so that a killed run goes on from there."""
 
 import json
+import sys
+import threading
 import time
 import traceback
+import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +21,18 @@ from glossbench.brdf.material import MATERIALS
 from glossbench.costs import Costs
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights import LIGHTS
-from glossbench.errors import InputError
+from glossbench.errors import InputError, MethodError
 from glossbench.ground_truth import Reference, compute_reference
 from glossbench.items import Cell, Item
+from glossbench.measuring import measure
 from glossbench.metrics import METRICS
 from glossbench.provenance import glossbench_version, numerics_hash, processor, provenance, source_hash
 from glossbench.registry import Registry
 from glossbench.results import Results, key_of
 from glossbench.scene.points import VIEWS
-from glossbench.shading import METHODS, Image, Method, StageCache, shade
+from glossbench.shading import METHODS, Image, StageCache
 from glossbench.study import Study
-from glossbench.tuning import tune_option
+from glossbench.time_limit import time_limit
 from glossbench.verdicts import judge
 
 
@@ -56,6 +61,10 @@ def run_study(
     progress: Progress | None = None,
 ) -> Results:
     """Execute all cells of a study that are not on disk, judge its claims, and leave all in `folder`.
+
+    A cell that raises anything but KeyboardInterrupt has failed, and the run goes on. So has one that takes longer
+    than the study's time limit; where its code cannot be interrupted this process ends with exit code 1, and the
+    next run goes on with the next cell.
 
     Args:
         use_cache: False computes cells and references anew.
@@ -97,13 +106,23 @@ class _Lights:
         self._item: Item | None = None
         self._light: CubeMap | None = None
         self._keys: dict[Item, str] = {}
+        self._digest = 0
 
     def get(self, item: Item) -> CubeMap:
         if self._light is None or self._item != item:
             self._light = LIGHTS.create(item.name, item.options).cubemap().to(self._study.device)
             self._item = item
             self._keys[item] = self._light.key
+            self._digest = _digest(self._light)
         return self._light
+
+    def is_intact(self) -> bool:
+        """Whether the light is what it was when it was made: arrays that share its memory can be written to unseen."""
+        return self._light is None or _digest(self._light) == self._digest
+
+    def forget(self) -> None:
+        """Make the light anew when it is asked for again."""
+        self._light = None
 
     def key(self, item: Item) -> str:
         if item not in self._keys:
@@ -147,15 +166,28 @@ class _Executor:
                 # The key does not tell what an image file was called, nor a seed that nothing took.
                 return stored | {column: row[column] for column in ("light_options", "seed")}
         try:
-            done, image, half_vectors = self._execute(cell, reference_key)
+            done, image, half_vectors = self._execute(cell, row)
             row |= done
-        except Exception:
-            if self.fail_fast:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plug-in may leave by SystemExit, too
+            self._stages, self._truth = StageCache(), None
+            self.lights.forget()
+            if self.fail_fast and isinstance(error, Exception):
                 raise
-            row |= {"status": "failed", "reason": traceback.format_exc()}
+            if self.fail_fast:
+                raise MethodError(f"{cell.method.name} raised {error!r}") from error
+            row |= _failed(traceback.format_exc())
             image, half_vectors = None, None
         self.results.add_cell(row, image, half_vectors)
         return row
+
+    def _give_up(self, row: dict[str, Any], thread: int) -> None:
+        """Write the row of a cell that cannot be interrupted, with where it is, before the process ends."""
+        reason = f"took more than the time limit of {self.study.time_limit:g} s, and could not be interrupted"
+        stack = "".join(traceback.format_stack(sys._current_frames()[thread]))
+        self.results.add_cell(row | _failed(f"{stack}TimeoutError: {reason}\n"), None, None)
+        print(f"error: {row['method']} {reason}; the same command goes on with the next cell", file=sys.__stderr__)
 
     def _identity(self, cell: Cell, key: str, reference_key: str) -> dict[str, Any]:
         """The columns that every cell has, with nothing measured yet."""
@@ -180,52 +212,38 @@ class _Executor:
             "code": self._code[:20],
         }  # fmt: skip
 
-    def _execute(self, cell: Cell, reference_key: str) -> tuple[dict[str, Any], Image | None, Any]:
+    def _execute(self, cell: Cell, row: dict[str, Any]) -> tuple[dict[str, Any], Image | None, Any]:
+        """What is new in the row of a cell, its image and its pattern."""
+        thread = threading.get_ident()
+        limit = partial(time_limit, self.study.time_limit, lambda: self._give_up(row, thread))
         material = MATERIALS.create(cell.material.name, cell.material.options)
         view = VIEWS.create(cell.view.name, cell.view.options)
-        method = METHODS.create(cell.method.name, cell.method.options)
-        reason = method.supports(material, view.scene())
+        with limit():
+            method = METHODS.create(cell.method.name, cell.method.options)
+            reason = method.supports(material, view.scene())
         if reason:
-            return {"status": "skipped", "reason": reason}, None, None
+            return {"status": "skipped", "reason": str(reason)}, None, None
         light = self.lights.get(cell.light)
         if self._stages_light != cell.light:  # stages of another light are of no use any more
             self._stages, self._stages_light = StageCache(), cell.light
-        truth = self._reference(cell, reference_key, light)
+        truth = self._reference(cell, row["reference_key"], light)
         self.progress.doing(cell.method.name)
-
-        def shaded(candidate: Method, time_it: bool) -> Image:
-            return shade(candidate, light, material, view, cache=self._stages, time_it=time_it)
-
-        tuned: dict[str, float] = {}
-        if cell.method.tune is not None:
-            tune = cell.method.tune
-            metric = METRICS.create(tune.metric, {})
-            best = tune_option(tune, lambda x: metric(shaded(replace(method, **{tune.option: x}), False), truth))
-            tuned = {tune.option: best}
-            method = replace(method, **tuned)
-        image = shaded(method, True)
-        rms = METRICS.create("rms", {})(image, truth)
-        numbers = self.results.reference_numbers(reference_key)
-        half_vectors = method.half_vectors(material)
-        row = {
-            "tuned": json.dumps(tuned),
-            "options": json.dumps(method.as_dict(), sort_keys=True),
-            **{name: METRICS.create(name, {})(image, truth) for name in self.study.metrics},
-            "rms": rms,
+        with limit():
+            columns, image, half_vectors = measure(
+                method, cell.method.tune, self.study.metrics, self._stages, light, material, view, truth
+            )
+        if not self.lights.is_intact():
+            raise MethodError(f"{method.name} writes into the light, which others read")
+        columns |= {
             "reference_noise": truth.noise,
             "reference_peak_noise": float(truth.standard_error.max()),
             "reference_target": self.study.reference.relative_error * truth.mean,
             "reference_mean": truth.mean,
             "reference_samples": truth.n_samples,
-            "at_noise_floor": bool(rms < 2 * truth.noise),
-            "n_samples": image.costs.n_samples,
-            "stage_seconds": json.dumps(image.costs.stage_seconds),
-            "update_seconds": json.dumps(image.costs.update_seconds),
-            "shade_seconds": image.costs.shade_seconds,
-            "state_bytes": image.costs.state_bytes,
-            "reference_seconds": numbers["seconds"],
+            "at_noise_floor": bool(columns["rms"] < 2 * truth.noise),
+            "reference_seconds": self.results.reference_numbers(row["reference_key"])["seconds"],
         }
-        return row, image, None if half_vectors is None else half_vectors.cpu().numpy()
+        return columns, image, half_vectors
 
     def _reference(self, cell: Cell, key: str, light: CubeMap) -> Reference:
         """The truth as it is on disk: float32, so that a resumed run compares with the same numbers."""
@@ -257,6 +275,15 @@ class _Executor:
         )
         self._truth = (key, stored)
         return stored
+
+
+def _failed(reason: str) -> dict[str, Any]:
+    """Columns of a cell that failed; half a character, which a name of a file may hold, is escaped."""
+    return {"status": "failed", "reason": reason.encode("utf-8", "backslashreplace").decode()}
+
+
+def _digest(light: CubeMap) -> int:
+    return zlib.crc32(light.faces.cpu().numpy().data)
 
 
 def _stated(registry: Registry[Any], item: Item) -> list[Any]:

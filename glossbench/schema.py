@@ -2,13 +2,13 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from glossbench.brdf.material import MATERIALS
 from glossbench.claims import KINDS, Name, Names
 from glossbench.envmap.lights import LIGHTS
 from glossbench.ground_truth import FIRST_SAMPLES, N_REPLICATES
-from glossbench.options import Finite, Options, json_schema
+from glossbench.options import Finite, Options, Seed, json_schema
 from glossbench.registry import Registry
 from glossbench.scene.points import VIEWS
 from glossbench.shading import METHODS
@@ -19,6 +19,7 @@ REGISTRIES: dict[str, Registry[Any]] = {
     "view": VIEWS,
     "methods": METHODS,
 }
+MAX_ENTRIES = 1000  # of claims and exclude: each is compared with every cell
 
 
 class ReferenceOptions(BaseModel):
@@ -32,7 +33,7 @@ class ReferenceOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
     relative_error: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1e-3
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
     max_samples: Annotated[int, Field(ge=N_REPLICATES * FIRST_SAMPLES)] = 1 << 16
 
     def with_seed(self, seed: int) -> Self:
@@ -42,8 +43,18 @@ class ReferenceOptions(BaseModel):
         return self.model_construct(self.model_fields_set, **{**self.model_dump(), "seed": seed})
 
 
+def _module(name: str) -> str:
+    if not all(part.isidentifier() for part in name.split(".")):
+        raise ValueError("must be the dotted name of a module, such as my_lab.my_method")
+    return name
+
+
 class StudyKeys(BaseModel):
-    """The keys of a study; what is in an item depends on its name."""
+    """The keys of a study; what is in an item depends on its name.
+
+    Attributes:
+        time_limit: seconds that a cell may take, its reference not counted; one that takes longer has failed.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True)
     title: Name
@@ -55,11 +66,12 @@ class StudyKeys(BaseModel):
     methods: Any
     reference: ReferenceOptions = ReferenceOptions()
     metrics: Annotated[Names, Field(min_length=1)] = ["rms", "relative_rms", "mean_error", "max_error"]
-    claims: list[Any] = []
-    exclude: list[dict[str, Any]] = []
-    seed: Annotated[int, Field(ge=0)] = 0
+    claims: Annotated[list[Any], Field(max_length=MAX_ENTRIES)] = []
+    exclude: Annotated[list[dict[str, Any]], Field(max_length=MAX_ENTRIES)] = []
+    seed: Seed = 0
     device: Literal["cpu", "cuda"] = "cpu"
-    plugins: list[str] = []
+    time_limit: Annotated[float, Field(gt=0, le=1e7)] = 3600.0
+    plugins: list[Annotated[str, AfterValidator(_module)]] = []
 
 
 class TuneKeys(BaseModel):

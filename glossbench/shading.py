@@ -7,7 +7,8 @@ methods and budgets, and what must be redone when the light, the material, the g
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -15,7 +16,7 @@ import torch
 from torch import Tensor
 
 from glossbench.brdf.material import Material
-from glossbench.costs import Costs, n_bytes, timed
+from glossbench.costs import Costs, n_bytes, tensors_in, timed
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.errors import InputError, MethodError
 from glossbench.options import Options
@@ -89,11 +90,16 @@ class Method(Options):
 METHODS: Registry[Method] = Registry("method", "glossbench.methods", "glossbench.methods")
 
 
+def stated_stages(method: type[Method]) -> dict[str, Stage]:
+    """The stages of a method in the order of its source."""
+    members = {name: value for cls in reversed(method.__mro__) for name, value in vars(cls).items()}
+    return {name: value for name, value in members.items() if isinstance(value, Stage)}
+
+
 def stages_of(method: type[Method]) -> dict[str, Stage]:
     """The stages of a method in the order in which they must run; InputError for a parameter that nothing provides."""
-    members = {name: value for cls in reversed(method.__mro__) for name, value in vars(cls).items()}
-    pending = {name: value for name, value in members.items() if isinstance(value, Stage)}
-    if "shade" not in members:
+    pending = stated_stages(method)
+    if not hasattr(method, "shade"):
         raise InputError(f"{method.__name__} has no shade(self, points, material, ...)")
     known = set(INPUTS) | set(pending)
     users = [*pending.items(), ("shade", Stage(method.shade))]
@@ -152,7 +158,8 @@ class StageCache:
                 entries.remove(entry)  # made while tuning, its time that of a cold run
                 break
         recorder = Recorder(method)
-        value, seconds = timed(lambda: stage.function(recorder, **inputs), device, patience)
+        with _unwritten(f"{method.name}.{stage.function.__name__}", inputs):
+            value, seconds = timed(lambda: stage.function(recorder, **inputs), device, patience)
         prepared = Prepared(value, seconds, n_bytes(value), patience > 0)
         entries.append((recorder.read, prepared))
         return prepared
@@ -207,7 +214,8 @@ def shade(
 
     Raises:
         InputError: the method does not support the combination.
-        MethodError: the method returned the wrong shape or dtype, or radiance that is not finite.
+        MethodError: the method returned the wrong shape, dtype or device, or radiance that is not finite, or wrote
+            into a tensor that it was given.
     """
     reason = method.supports(material, view.scene())
     if reason:
@@ -228,7 +236,8 @@ def shade(
     points = view.points().to(device)
     known = inputs | {"points": points} | {name: p.value for name, p in prepared.items()}
     state = {n: known[n] for n in inspect.signature(method.shade).parameters}
-    values, seconds = timed(lambda: method.shade(**state), device, patience)
+    with _unwritten(f"{method.name}.shade", state):
+        values, seconds = timed(lambda: method.shade(**state), device, patience)
     mask = view.mask()
     depends = dependencies(stages)
     costs = Costs(
@@ -244,6 +253,17 @@ def shade(
     return Image(image_of(mask, _checked(method, points, values)), mask, costs)
 
 
+@contextmanager
+def _unwritten(by: str, inputs: Mapping[str, Any]) -> Iterator[None]:
+    """MethodError if a tensor inside the inputs is written to meanwhile: what shares it would be wrong."""
+    tensors = [(name, t) for name, value in inputs.items() for t in tensors_in(value) if not t.is_inference()]
+    versions = [t._version for _, t in tensors]
+    yield
+    for (name, tensor), version in zip(tensors, versions, strict=True):
+        if tensor._version != version:
+            raise MethodError(f"{by} writes into {name!r}, which others read")
+
+
 def _checked(method: Method, points: ShadingPoints, values: Any) -> Tensor:
     """The radiance that a method returned, or MethodError."""
     if not isinstance(values, Tensor):
@@ -251,6 +271,8 @@ def _checked(method: Method, points: ShadingPoints, values: Any) -> Tensor:
     if tuple(values.shape) != (len(points), 3) or values.dtype != torch.float32:
         got = f"{tuple(values.shape)} {str(values.dtype).removeprefix('torch.')}"
         raise MethodError(f"{method.name}.shade must return ({len(points)}, 3) float32, got {got}")
+    if values.device.type != points.n.x.device.type:
+        raise MethodError(f"{method.name}.shade must return a tensor on {points.device}, got {values.device}")
     bad = ~torch.isfinite(values).all(dim=1)
     if bad.any():
         first = int(bad.nonzero()[0])
@@ -258,4 +280,4 @@ def _checked(method: Method, points: ShadingPoints, values: Any) -> Tensor:
         raise MethodError(
             f"{method.name}.shade: {int(bad.sum())} points are not finite, the first where the normal is {n}"
         )
-    return values
+    return values.detach()

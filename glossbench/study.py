@@ -1,20 +1,34 @@
 """Studies: a YAML file -> a checked Study -> the cells to be run."""
 
 import importlib
+import json
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
-from importlib import resources
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-from glossbench.claims import KINDS, PLACES, Claim, called, methods_of, unknown_name
-from glossbench.envmap.lights import locate
+from glossbench.claims import (
+    COLUMNS,
+    KINDS,
+    PLACES,
+    Claim,
+    called,
+    method_of,
+    methods_of,
+    options_of,
+    sides_of,
+    unknown_name,
+    within,
+)
+from glossbench.envmap.lights import FileLight, light_named, locate
 from glossbench.errors import InputError, nearest
 from glossbench.items import Cell, Item, MethodItem
 from glossbench.metrics import METRICS
 from glossbench.schema import REGISTRIES, ReferenceOptions, StudyKeys
+from glossbench.shading import CHANGES, METHODS, stated_stages
+from glossbench.study_files import study_files
 from glossbench.sweeps import Form
 from glossbench.yaml_marks import Document, KeyPath, path_text, read_document
 
@@ -27,6 +41,7 @@ class Study:
 
     Attributes:
         exclude: mappings of light, material, view, method or an option to a value; what fits is left out.
+        time_limit: seconds that a cell may take, its reference not counted.
         name: of its file, without the ending.
         folder: of its file.
     """
@@ -44,6 +59,7 @@ class Study:
     exclude: tuple[dict[str, Any], ...]
     seed: int
     device: str
+    time_limit: float
     plugins: tuple[str, ...]
     name: str = field(compare=False)
     folder: Path = field(compare=False)
@@ -52,12 +68,13 @@ class Study:
         """The study with another seed, which all takes that has no stated one: the reference, and methods.
 
         Raises:
-            InputError: a seed below 0, one that an option does not take, or that makes two methods the same.
+            InputError: a seed below 0 or of more than 32 bits, one that an option does not take, or that makes two
+                methods the same.
         """
-        if seed < 0:
-            raise InputError(f"seed must be at least 0, got {seed}")
+        if not 0 <= seed < 1 << 32:
+            raise InputError(f"seed must be {f'less than {1 << 32}' if seed > 0 else 'at least 0'}, got {seed}")
         methods = tuple(item.with_seed(seed) for item in self.methods)
-        if len(set(methods)) < len(methods):
+        if len({(item.name, item.json) for item in methods}) < len(methods):
             raise InputError(f"seed {seed} is the one that a method of the study states, which is then there twice")
         return replace(self._comparing(methods), seed=seed, reference=self.reference.with_seed(seed))
 
@@ -76,7 +93,7 @@ class Study:
         if all(any(cell.fits(entry) for entry in exclude) for cell in every):
             raise InputError("exclude leaves no cell")
         names = {item.name for item in methods}
-        claims = tuple(claim for claim in self.claims if names.issuperset(methods_of(claim).values()))
+        claims = tuple(claim for claim in self.claims if names.issuperset(methods_of(claim)))
         return replace(self, methods=methods, exclude=exclude, claims=claims)
 
     def cells(self) -> list[Cell]:
@@ -96,20 +113,15 @@ class Study:
             "metrics": list(self.metrics),
             "claims": [claim.model_dump(mode="json", exclude_none=True) for claim in self.claims],
             "exclude": [dict(entry) for entry in self.exclude],
-            "seed": self.seed, "device": self.device, "plugins": list(self.plugins),
+            "seed": self.seed, "device": self.device, "time_limit": self.time_limit, "plugins": list(self.plugins),
         }  # fmt: skip
 
 
-def study_names() -> list[str]:
-    """The names of the installed studies."""
-    return sorted(_installed())
-
-
-def load_study(name_or_path: str | Path, light_file: str | None = None) -> Study:
+def load_study(name_or_path: str | Path, light: str | None = None) -> Study:
     """The study at a path that ends in .yaml, or the installed study of a name.
 
     Args:
-        light_file: an image that takes the place of the study's lights.
+        light: takes the place of the study's lights: an image file, or a light's name.
 
     Raises:
         InputError: the study cannot be read, or is wrong; one line that begins with FILE:LINE:COLUMN.
@@ -120,12 +132,13 @@ def load_study(name_or_path: str | Path, light_file: str | None = None) -> Study
     for i, plugin in enumerate(model.plugins):
         try:
             importlib.import_module(plugin)
-        except Exception as error:  # a plug-in is anyone's code
+        except (Exception, SystemExit) as error:  # a plug-in is anyone's code
             text = f"plugin {plugin!r}: {type(error).__name__}: {error}"
             raise document.error(("plugins", i), text) from error
-    if light_file is not None:
-        locate(light_file)
-        document = replace(document, data={**document.data, "light": {"file": light_file}})
+    if light is not None:
+        if isinstance(light_named(light, {}), FileLight):
+            locate(light)
+        document = replace(document, data={**document.data, "light": light})
     folder = path.absolute().parent
     forms = {
         kind: [Form(document, kind, p, v, folder, model.seed) for p, v in _entries(document, kind)]
@@ -149,25 +162,22 @@ def load_study(name_or_path: str | Path, light_file: str | None = None) -> Study
         methods=_items(document, forms["methods"]),
         reference=model.reference.with_seed(model.seed), metrics=tuple(model.metrics),
         claims=(), exclude=tuple(model.exclude),
-        seed=model.seed, device=model.device, plugins=tuple(model.plugins), name=path.stem, folder=folder,
+        seed=model.seed, device=model.device, time_limit=model.time_limit, plugins=tuple(model.plugins),
+        name=path.stem, folder=folder,
     )  # fmt: skip
-    exclude = _checked_exclude(document, study, any_light=light_file is not None)
-    claims = _claims(document, study, any_light=light_file is not None)
-    return replace(study, exclude=exclude, claims=claims)
+    exclude = _checked_exclude(document, study, any_light=light is not None)
+    study = replace(study, exclude=exclude, claims=_claims(document, study, any_light=light is not None))
+    _check_where(document, study, any_light=light is not None)
+    return study
 
 
 def _path_of(name_or_path: str | Path) -> Path:
     if isinstance(name_or_path, Path) or Path(name_or_path).suffix in (".yaml", ".yml"):
         return Path(name_or_path)
-    installed = _installed()
+    installed = study_files()
     if name_or_path not in installed:
         raise InputError(f"unknown study {name_or_path!r}{nearest(name_or_path, installed)}")
     return installed[name_or_path]
-
-
-def _installed() -> dict[str, Path]:
-    files = [Path(str(entry)) for entry in resources.files("glossbench.studies").iterdir()]
-    return {file.stem: file for file in files if file.suffix == ".yaml"}
 
 
 def _entries(document: Document, kind: str) -> list[tuple[KeyPath, Any]]:
@@ -180,14 +190,14 @@ def _entries(document: Document, kind: str) -> list[tuple[KeyPath, Any]]:
 
 def _items(document: Document, forms: list[Form]) -> tuple[Any, ...]:
     """All items of one kind; InputError for one that is there twice: claims would count it twice."""
-    found: dict[Item, Form] = {}
+    found: dict[tuple[str, str], Item] = {}
     for form in forms:
         for item in form.variants():
-            if item in found:
+            if (item.name, item.json) in found:
                 text = f"{path_text(form.path)} states the same twice: {item.name} {item.json}"
                 raise document.error(form.path, text)
-            found[item] = form
-    return tuple(found)
+            found[item.name, item.json] = item
+    return tuple(found.values())
 
 
 def _checked_exclude(document: Document, study: Study, any_light: bool) -> tuple[dict[str, Any], ...]:
@@ -225,6 +235,8 @@ def _claims(document: Document, study: Study, any_light: bool) -> tuple[Claim, .
              for place, items in places.items() if not (any_light and place == "light")}  # fmt: skip
     material_options = {key for item in study.materials for key in item.options}
     found: list[Claim] = []
+    stages = [name for method in methods for name in stated_stages(METHODS.get(method))]
+    costs = [*COLUMNS, *(f"stage_seconds.{name}" for name in stages), *(f"update_seconds.{name}" for name in CHANGES)]
     for i, entry in enumerate(document.data.get("claims", [])):
         path: KeyPath = ("claims", i)
         kinds = [kind for kind in KINDS if isinstance(entry, dict) and kind in entry]
@@ -233,9 +245,43 @@ def _claims(document: Document, study: Study, any_light: bool) -> tuple[Claim, .
             text = f"{path_text(path)} needs one of the keys {', '.join(KINDS)}, got {got}"
             raise document.error(path, text)
         claim = document.validate(KINDS[kinds[0]], path)
-        problem = unknown_name(claim, methods, names, material_options, study.metrics)
+        problem = unknown_name(claim, methods, names, material_options, study.metrics, costs)
         if problem:
             at = (*path, *problem[0])
             raise document.error(at, f"{path_text(at)}: {problem[1]}")
         found.append(claim)
     return tuple(found)
+
+
+def _check_where(document: Document, study: Study, any_light: bool) -> None:
+    """InputError for a claim that no cell of one of its sides is about; a tuned option may become anything."""
+    rows: dict[str, list[dict[str, Any]]] = {item.name: [] for item in study.methods}
+    for cell in study.cells():
+        tuned = cell.method.tune.option if cell.method.tune else None
+        row: dict[str, Any] = {"options": {k: v for k, v in cell.method.options.items() if k != tuned}}
+        for place in PLACES:
+            row |= {place: getattr(cell, place).name, f"{place}_options": getattr(cell, place).options}
+        rows[cell.method.name].append(row)
+    for i, claim in enumerate(study.claims):
+        where = {key: value for key, value in claim.where.items() if not (any_light and key == "light")}
+        of_methods = {key for item in study.methods if item.name in methods_of(claim) for key in item.options}
+        for at, side in sides_of(claim).items():
+            name = method_of(side)
+            wanted = {("claims", i, "where") if where else ("claims", i): where,
+                      ("claims", i, *at, name): options_of(side)}  # fmt: skip
+            if any(all(within(row, w, of_methods) for w in wanted.values()) for row in rows[name]):
+                continue
+            alone = (path for path, w in wanted.items() if not any(within(row, w, of_methods) for row in rows[name]))
+            path: KeyPath = next(alone, ("claims", i))
+            held = _values(rows[name], wanted.get(path, {**where, **options_of(side)}))
+            raise document.error(path, f"{path_text(path)} fits no cell of {name}{held}")
+
+
+def _values(rows: list[dict[str, Any]], keys: Collection[str]) -> str:
+    """The values that cells have of some options, or of their light, material or view: "; they have samples 4, 8"."""
+    told = []
+    for key in keys:
+        held = [(row | row["material_options"] | row["options"]).get(key) for row in rows]
+        values = dict.fromkeys(json.dumps(value) for value in held if value is not None)
+        told.append(f"{key} {', '.join(values)}")
+    return f"; they have {' and '.join(told)}" if rows and told else ""

@@ -7,7 +7,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from glossbench.envmap.lights import LIGHTS, FileLight, locate
+from glossbench.envmap.lights import FileLight, file_or_name, locate
 from glossbench.errors import InputError, nearest
 from glossbench.items import Item, MethodItem, Tune
 from glossbench.metrics import METRICS
@@ -35,9 +35,7 @@ class Form:
         self._document, self._kind, self._folder = document, kind, folder
         name, stated, self.path, at = self._named(path, value)
         if name not in REGISTRIES[kind].names():
-            what = kind.removesuffix("s")
-            text = f"{path_text(path)}: unknown {what} {name!r}{nearest(name, REGISTRIES[kind].names())}"
-            raise document.error(at, text, at_key=at != path)
+            raise document.error(at, f"{path_text(path)}: {REGISTRIES[kind].unknown(name)}", at_key=at != path)
         self.cls: type[Options] = REGISTRIES[kind].get(name)
         self.tune: Tune | None = None
         self.axes: list[Axis] = []
@@ -78,8 +76,8 @@ class Form:
     def _named(self, path: KeyPath, value: Any) -> tuple[str, Any, KeyPath, KeyPath]:
         """Name, options, the path of the options, and the path of the name."""
         if isinstance(value, str):
-            is_file = self._kind == "light" and value not in LIGHTS.names() and bool(Path(value).suffix)
-            return ("file", {"file": value}, path, path) if is_file else (value, {}, path, path)
+            name, options = file_or_name(value) if self._kind == "light" else (value, {})
+            return name, options, path, path
         if isinstance(value, dict) and self._kind == "light" and "file" in value:
             if len(value) > 1 or not isinstance(value["file"], dict | None):
                 return "file", value, path, path
@@ -99,11 +97,16 @@ class Form:
         if isinstance(given, dict) and "tune" in given:
             self.tune = self._tuned(path, option)
             return
-        if self._accepts(option, given) or not isinstance(given, list):
+        if self._accepts(option, given) or not self._sweeps(option, given):
             values = [self._checked(path, option, given)]
         else:
             values = self._each(path, option, given)
         self.axes.append(Axis((option,), [(value,) for value in values]))
+
+    def _sweeps(self, option: str, given: Any) -> bool:
+        """Whether a value that the option does not accept is a sweep; of an option that takes a list, one of lists."""
+        of_any_length = "items" in json_schema(self.cls)["properties"][option]
+        return isinstance(given, list) and (not of_any_length or any(isinstance(value, list) for value in given))
 
     def _accepts(self, option: str, value: Any) -> bool:
         try:
@@ -152,6 +155,9 @@ class Form:
         model = self._document.validate(TuneKeys, path)
         if model.tune not in METRICS.names():
             text = f"{where}.tune: unknown metric {model.tune!r}{nearest(model.tune, METRICS.names())}"
+            raise self._document.error((*path, "tune"), text)
+        if not METRICS.get(model.tune).lower_is_better:
+            text = f"{where}.tune: {model.tune} is higher for better images; tune an error"
             raise self._document.error((*path, "tune"), text)
         bounds = model.range or _bounds(self.cls, option)
         if bounds is None:

@@ -1,43 +1,45 @@
 """Verdicts: which of a study's claims its cells bear out."""
 
 import json
-import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas
 
 from glossbench.claims import (
     PLACES,
-    Bounds,
     Claim,
     LowerClaim,
     RatioClaim,
+    Side,
     SlopeClaim,
     ValueClaim,
     agrees,
-    called,
+    method_of,
     methods_of,
+    options_of,
+    sides_of,
+    within,
+)
+from glossbench.comparisons import (
+    FAILS,
+    HOLDS,
+    NOISE,
+    UNTESTED,
+    Case,
+    Row,
+    finite,
+    inside,
+    lower_case,
+    noise_of,
+    ratio_case,
+    value_case,
+    verdict_on,
 )
 from glossbench.metrics import METRICS
-
-HOLDS, FAILS, NOISE, UNTESTED = "holds", "does not hold", "within noise", "not tested"
-Row = dict[str, Any]
-
-
-class Case(NamedTuple):
-    """One comparison of a claim; `shown` is the number that the summary tells about."""
-
-    where: str
-    a: float
-    b: float | None
-    bound: Any
-    noise: float
-    verdict: str
-    shown: float
 
 
 def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
@@ -59,8 +61,11 @@ class _Table:
         for row in self.rows:
             for column in ("options", *(f"{place}_options" for place in PLACES)):
                 row[column] = json.loads(row[column])
-            if isinstance(row.get("stage_seconds"), str):
-                row["stage_seconds"] = float(sum(json.loads(row["stage_seconds"]).values()))
+            for column in ("stage_seconds", "update_seconds"):
+                if isinstance(row.get(column), str):
+                    seconds = json.loads(row[column])
+                    row[column] = float(sum(seconds.values()))
+                    row |= {f"{column}.{name}": value for name, value in seconds.items()}
         self._varying = {place: self._telling(place) for place in PLACES}
 
     def _telling(self, place: str) -> dict[str, list[str]]:
@@ -71,48 +76,51 @@ class _Table:
 
     def judged(self, claim: Claim) -> dict[str, Any]:
         notes: Counter[str] = Counter()
-        picked = {name: self._picked(claim, name, notes) for name in methods_of(claim).values()}
+        sides = [_spelled(side) for side in sides_of(claim).values()]
+        picked = [self._picked(claim, side, notes) for side in sides_of(claim).values()]
         cases: list[Case] = []
         match claim:
             case LowerClaim():
-                quantity = f"{claim.metric} of {claim.lower} over {claim.than}"
+                quantity = f"{claim.metric} of {sides[0]} over {sides[1]}"
                 for a, b, where in self._pairs(claim, picked, notes):
                     errors = abs(a[claim.metric]), abs(b[claim.metric])
-                    cases.append(_lower(*errors, _noise(a, b, claim.metric), where))
+                    cases.append(lower_case(*errors, noise_of(a, b, claim.metric), where))
             case RatioClaim():
-                quantity = f"{claim.of} of {claim.ratio[0]} over {claim.ratio[1]}"
+                quantity = f"{claim.of} of {sides[0]} over {sides[1]}"
                 for a, b, where in self._pairs(claim, picked, notes):
                     if b[claim.of] == 0:
-                        notes[f"pairs whose divisor, {claim.of} of {claim.ratio[1]}, is zero"] += 1
+                        notes[f"pairs whose divisor, {claim.of} of {sides[1]}, is zero"] += 1
                     else:
-                        cases.append(_ratio(claim, a[claim.of], b[claim.of], _noise(a, b, claim.of), where))
+                        cases.append(ratio_case(claim, a[claim.of], b[claim.of], noise_of(a, b, claim.of), where))
             case SlopeClaim():
                 quantity = f"slope of log {claim.metric} over log {claim.over}"
-                cases += self._slopes(claim, picked[claim.slope], notes)
+                cases += self._slopes(claim, picked[0], notes)
             case ValueClaim():
-                quantity = f"{claim.of} of {claim.value}"
-                varying = _varying(row["options"] for row in picked[claim.value])
-                for a in picked[claim.value]:
+                quantity = f"{claim.of} of {sides[0]}"
+                varying = _varying(row["options"] for row in picked[0])
+                for a in picked[0]:
                     where = _listed([self._place(a), _shown(a, varying)])
-                    cases.append(_value(claim, a[claim.of], _noise(a, a, claim.of), where))
+                    cases.append(value_case(claim, a[claim.of], noise_of(a, a, claim.of), where))
         verdict, summary = _concluded(cases, quantity, notes)
         numbers = [{k: v for k, v in case._asdict().items() if k != "shown"} for case in cases]
         judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict}
         return {**judgement, "numbers": numbers, "summary": summary}
 
-    def _picked(self, claim: Claim, method: str, notes: Counter[str]) -> list[Row]:
-        """The finished cells of a method that a claim is about, the column of the claim being a number."""
+    def _picked(self, claim: Claim, side: Side, notes: Counter[str]) -> list[Row]:
+        """The finished cells of a side that a claim is about, the column of the claim being a number."""
         column = claim.metric if isinstance(claim, LowerClaim | SlopeClaim) else claim.of
-        about = set(methods_of(claim).values())
+        about = methods_of(claim)
         of_methods = {key for row in self.rows if row["method"] in about for key in row["options"]}
         picked = []
         for row in self.rows:
-            if row["method"] != method or not _within(row, claim.where, of_methods):
+            if row["method"] != method_of(side) or not within(row, claim.where, of_methods):
+                continue
+            if not all(agrees(wanted, row["options"].get(key)) for key, wanted in options_of(side).items()):
                 continue
             if row["status"] != "done":
                 notes[f"cells {row['status']}"] += 1
                 continue
-            value = _number(row.get(column))
+            value = finite(row.get(column))
             if value is None:
                 notes[f"cells without a finite {column}"] += 1
             else:
@@ -120,14 +128,15 @@ class _Table:
         return picked
 
     def _pairs(
-        self, claim: LowerClaim | RatioClaim, picked: dict[str, list[Row]], notes: Counter[str]
+        self, claim: LowerClaim | RatioClaim, picked: list[list[Row]], notes: Counter[str]
     ) -> Iterator[tuple[Row, Row, str]]:
         """Cells of both methods on one light, material and view, with equal values of the pairing options."""
-        first, second = (picked[name] for name in methods_of(claim).values())
-        shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in (first, second)))
-        usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared]
+        first, second = picked
+        shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in picked))
+        apart = {key for side in sides_of(claim).values() for key in options_of(side)}
+        usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared - apart]
         keys = claim.paired_by or usual
-        varying = [_varying(row["options"] for row in rows) for rows in (first, second)]
+        varying = [_varying(row["options"] for row in rows) for rows in picked]
         partners: dict[str, list[Row]] = {}
         for b in second:
             partners.setdefault(_key(b, keys), []).append(b)
@@ -145,8 +154,8 @@ class _Table:
     def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
         places: dict[str, list[Row]] = {}
         for row in rows:
-            budget = _number(row["options"].get(claim.over))
-            if row.get("at_noise_floor") or row[claim.metric] == 0:
+            budget = finite(row["options"].get(claim.over))
+            if (row.get("at_noise_floor") and claim.metric in METRICS.names()) or row[claim.metric] == 0:
                 notes["cells at the noise floor"] += 1
             elif budget is None or budget <= 0:
                 notes[f"cells without a positive {claim.over}"] += 1
@@ -160,7 +169,7 @@ class _Table:
                     continue
                 y = np.log([abs(row[claim.metric]) for row in group])
                 slope = float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
-                verdict = _verdict(_inside(slope, claim.between), [], 0.0)
+                verdict = verdict_on(inside(slope, claim.between), [], 0.0)
                 where = _listed([self._place(group[0]), own])
                 yield Case(where, slope, None, list(claim.between), 0.0, verdict, slope)
 
@@ -172,6 +181,11 @@ class _Table:
             telling = [key for key in self._varying[place].get(row[place], []) if key != "file"]
             parts.append(" ".join([name, *(f"{key}={options[key]}" for key in telling)]))
         return _listed(parts)
+
+
+def _spelled(side: Side) -> str:
+    options = " ".join(f"{key}={value}" for key, value in options_of(side).items())
+    return f"{method_of(side)} ({options})" if options else method_of(side)
 
 
 def _listed(parts: list[str]) -> str:
@@ -191,30 +205,10 @@ def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
     return [key for key, values in seen.items() if len(values) > 1]
 
 
-def _number(value: Any) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
-        return None
-    return float(value)
-
-
 def _key(row: Row, options: Collection[str]) -> str:
     """What a cell is about, and some of its method's options, as text."""
     places = [(row[place], row[f"{place}_options"]) for place in PLACES]
     return json.dumps([places, [row["options"].get(key) for key in options]], sort_keys=True)
-
-
-def _within(row: Row, where: Mapping[str, Any], of_methods: Collection[str]) -> bool:
-    """Whether a cell is what `where` asks for; what only the other method has does not restrict it."""
-    for key, wanted in where.items():
-        if key in PLACES:
-            fits = any(agrees(wanted, name) for name in called(row[key], row[f"{key}_options"]))
-        elif key in row["options"] or key in of_methods:
-            fits = key not in row["options"] or agrees(wanted, row["options"][key])
-        else:
-            fits = key in row["material_options"] and agrees(wanted, row["material_options"][key])
-        if not fits:
-            return False
-    return True
 
 
 def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
@@ -236,52 +230,6 @@ def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
         part = [row for row in rows if json.dumps(row["options"].get(key)) == value]
         curves += [(group, " ".join([f"{key}={value}", own]).strip()) for group, own in _curves(part, over)]
     return curves
-
-
-def _noise(a: Row, b: Row, column: str) -> float:
-    """RMS of the reference's standard error in the unit of a column; zero where it does not enter."""
-    # The largest of many errors moves with the largest standard error, not with their mean.
-    source = "reference_peak_noise" if column == "max_error" else "reference_noise"
-    noise = max(_number(row.get(source, row.get("reference_noise"))) or 0.0 for row in (a, b))
-    if column.startswith("relative_"):
-        mean = _number(a.get("reference_mean")) or 0.0
-        return noise / mean if mean > 0 else 0.0
-    return noise if column in METRICS.names() and METRICS.get(column).unit == "radiance" else 0.0
-
-
-def _verdict(holds: bool, distances: Iterable[float], noise: float) -> str:
-    if any(abs(distance) < 2 * noise for distance in distances):
-        return NOISE
-    return HOLDS if holds else FAILS
-
-
-def _inside(value: float, bounds: Bounds) -> bool:
-    low, high = bounds
-    return (low is None or value >= low) and (high is None or value <= high)
-
-
-def _edges(bounds: Bounds, column: str) -> list[float]:
-    """The bounds that noise may carry a number across: no error but the signed one goes below zero."""
-    return [bound for bound in bounds if bound is not None and (bound != 0 or column == "mean_error")]
-
-
-def _lower(a: float, b: float, noise: float, where: str) -> Case:
-    return Case(where, a, b, None, noise, _verdict(a < b, [a - b], noise), a / b if b else math.inf)
-
-
-def _ratio(claim: RatioClaim, a: float, b: float, noise: float, where: str) -> Case:
-    edges = [a - edge * b for edge in _edges(claim.between, claim.of)]
-    verdict = _verdict(_inside(a / b, claim.between), edges, noise)
-    return Case(where, a, b, list(claim.between), noise, verdict, a / b)
-
-
-def _value(claim: ValueClaim, a: float, noise: float, where: str) -> Case:
-    if claim.between is None:
-        assert claim.equals is not None
-        verdict = _verdict(math.isclose(a, claim.equals), [a - claim.equals], noise)
-        return Case(where, a, None, claim.equals, noise, verdict, a)
-    verdict = _verdict(_inside(a, claim.between), [a - edge for edge in _edges(claim.between, claim.of)], noise)
-    return Case(where, a, None, list(claim.between), noise, verdict, a)
 
 
 def _concluded(cases: list[Case], quantity: str, notes: Counter[str]) -> tuple[str, str]:

@@ -80,6 +80,8 @@ def read_document(path: Path) -> Document:
     """
     file = str(path)
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():  # a pipe may never give a byte
+            raise InputError(f"cannot read the study {file!r}: it is a device or pipe")
         with path.open("rb") as stream:
             content = stream.read(MAX_BYTES + 1)
     except OSError as error:
@@ -179,6 +181,9 @@ class _Builder:
     def _scalar(self, node: yaml.Node) -> Any:
         tag = node.tag.removeprefix("tag:yaml.org,2002:")
         place = _place(node.start_mark)
+        surrogate = next((c for c in node.value if "\ud800" <= c <= "\udfff"), None)
+        if surrogate:  # of an escape: no file, terminal or page could show it
+            raise _error(self._document.file, *place, f"U+{ord(surrogate):04X} is half a character")
         if tag not in _SCALARS:
             raise _error(self._document.file, *place, f"tag {node.tag!r} is not allowed")
         try:

@@ -198,6 +198,45 @@ def test_where_restricts_the_cells(where, n_cases):
     assert len(judgement["numbers"]) == n_cases
 
 
+def test_where_tells_lights_of_one_name_apart_by_an_option():
+    rows = [
+        cell(method, light_options={"resolution": r}, rms=rms)
+        for r, errors in ((256, {"a": 1, "b": 2}), (512, {"a": 2, "b": 1}))
+        for method, rms in errors.items()
+    ]
+
+    verdicts = [
+        verdict_on({**LOWER, "where": {"light": {"spots": {"resolution": r}}}}, *rows)["verdict"] for r in (256, 512)
+    ]
+
+    assert verdicts == ["holds", "does not hold"]
+
+
+def test_sides_compare_one_method_with_itself():
+    rows = [
+        cell("a", options={"samples": n, "k": k}, rms=rms)
+        for n, errors in ((14, {1: 0.3, 4: 0.2}), (30, {1: 0.1, 4: 0.15}))
+        for k, rms in errors.items()
+    ]
+
+    judgement = verdict_on({"lower": {"a": {"k": 4}}, "than": {"a": {"k": 1}}, "metric": "rms"}, *rows)
+
+    assert [(n["a"], n["b"], n["verdict"]) for n in judgement["numbers"]] == [
+        (0.2, 0.3, "holds"),
+        (0.15, 0.1, "does not hold"),
+    ]
+    assert "rms of a (k=4) over a (k=1)" in judgement["summary"]
+
+
+@pytest.mark.parametrize(("of", "value"), [("stage_seconds.pyramid", 0.2), ("update_seconds.light", 0.4)])
+def test_a_claim_may_be_about_one_stage_or_one_update(of, value):
+    row = cell("a", stage_seconds={"pyramid": 0.2, "pdf": 0.3}, update_seconds={"light": 0.4, "view": 0.0})
+
+    judgement = verdict_on({"value": "a", "of": of, "equals": value}, row)
+
+    assert judgement["verdict"] == "holds"
+
+
 def test_an_image_answers_to_the_name_of_its_file():
     rows = [
         cell("a", light="file", light_options={"file": f"/some/{name}.hdr"}, n_samples=n)

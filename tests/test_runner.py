@@ -90,9 +90,9 @@ class Distance(Metric):
     formula = "mean(x) - 0.37"
     unit = "1"
 
-    def of(self, x, y):
-        """The number."""
-        return float(x.mean() - 0.37)
+    def errors(self, x, y, mask):
+        """The map."""
+        return x.mean(axis=2) - 0.37
 
 
 @pytest.fixture(autouse=True)

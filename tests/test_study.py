@@ -5,6 +5,7 @@ import json
 import math
 import re
 import sys
+from importlib import resources
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,7 +14,6 @@ import pytest
 import yaml
 from pydantic import Field
 
-from glossbench import study as study_module
 from glossbench import yaml_marks
 from glossbench.brdf.material import MATERIALS, Material
 from glossbench.envmap.lights import LIGHTS, FileLight, Light
@@ -23,7 +23,8 @@ from glossbench.options import Color, Fraction, Resolution, Widths
 from glossbench.scene.points import VIEWS, View
 from glossbench.schema import schema
 from glossbench.shading import METHODS, Method
-from glossbench.study import load_study, study_names
+from glossbench.study import load_study
+from glossbench.study_files import study_files
 from glossbench.yaml_marks import dump
 
 
@@ -495,12 +496,12 @@ def test_a_file_among_the_data_keeps_its_name(write, tmp_path, monkeypatch):
     assert study.lights[0].options["file"] == "probe.hdr"
 
 
-def test_light_file_replaces_the_lights_and_what_is_said_of_them(write):
+def test_another_light_replaces_the_lights_and_what_is_said_of_them(write):
     Path("probe.hdr").touch()
     claim = "[{text: A, value: sampler, of: rms, between: [0, 1], where: {light: glow}}]"
     text = a_study(light="[gone.hdr, glow]", claims=claim, exclude="[{light: glow}]")
 
-    study = load_study(write(text), light_file="probe.hdr")
+    study = load_study(write(text), light="probe.hdr")
 
     assert options_of(study.lights, "file") == [("probe.hdr",)]
     assert study.exclude == ()
@@ -509,7 +510,7 @@ def test_light_file_replaces_the_lights_and_what_is_said_of_them(write):
 
 def test_a_missing_light_file_is_an_error(write):
     with pytest.raises(InputError, match=r"^no image file 'gone.hdr'"):
-        load_study(write(a_study()), light_file="gone.hdr")
+        load_study(write(a_study()), light="gone.hdr")
 
 
 # Names of studies
@@ -517,7 +518,7 @@ def test_a_missing_light_file_is_an_error(write):
 
 def test_an_installed_study_has_a_name(tmp_path, monkeypatch):
     (tmp_path / "quickstart.yaml").write_text(a_study())
-    monkeypatch.setattr(study_module.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr(resources, "files", lambda package: tmp_path)
 
     study = load_study("quickstart")
 
@@ -527,14 +528,14 @@ def test_an_installed_study_has_a_name(tmp_path, monkeypatch):
 def test_studies_are_listed_by_name(tmp_path, monkeypatch):
     for name in ("b.yaml", "a.yaml", "__init__.py", "notes.txt"):
         (tmp_path / name).touch()
-    monkeypatch.setattr(study_module.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr(resources, "files", lambda package: tmp_path)
 
-    assert study_names() == ["a", "b"]
+    assert list(study_files()) == ["a", "b"]
 
 
 def test_an_unknown_study_offers_the_nearest(tmp_path, monkeypatch):
     (tmp_path / "quickstart.yaml").write_text(a_study())
-    monkeypatch.setattr(study_module.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr(resources, "files", lambda package: tmp_path)
 
     with pytest.raises(InputError, match=r"^unknown study 'quikstart'; did you mean 'quickstart'\?$"):
         load_study("quikstart")
@@ -715,6 +716,10 @@ WRONG = [
     (
         a_study(methods="{sampler: {bias: {tune: rsm}}}"),
         "5:34: methods.sampler.bias.tune: unknown metric 'rsm'; did you",
+    ),
+    (
+        a_study(methods="{sampler: {bias: {tune: ssim}}}"),
+        "5:34: methods.sampler.bias.tune: ssim is higher for better images; tune",
     ),
     (
         a_study(methods="{sampler: {gain: {tune: rms}}}"),

@@ -1,0 +1,65 @@
+"""Measuring one cell: its tuned option, its image, the metrics and the costs."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glossbench.brdf.material import Material
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.ground_truth import Reference
+from glossbench.items import Tune
+from glossbench.metrics import METRICS
+from glossbench.scene.points import View
+from glossbench.shading import Image, Method, StageCache, shade
+from glossbench.tuning import tune_option
+
+
+class Measured(NamedTuple):
+    """Columns of a cell's row, its image, and the pattern (N, 2) of a method that has one."""
+
+    columns: dict[str, Any]
+    image: Image
+    half_vectors: NDArray[np.float32] | None
+
+
+def measure(
+    method: Method, tune: Tune | None, metrics: Sequence[str], cache: StageCache,
+    light: CubeMap, material: Material, view: View, truth: Reference,
+) -> Measured:  # fmt: skip
+    """What a method shows of a material under a light, against the truth.
+
+    Args:
+        tune: the option to be set first where a metric is least.
+        metrics: by name; rms is always there.
+        cache: stages that other cells left and may use.
+
+    Raises:
+        MethodError: as `shade`.
+    """
+    tuned: dict[str, float] = {}
+    if tune is not None:
+        metric = METRICS.create(tune.metric, {})
+
+        def error(value: float) -> float:
+            candidate = replace(method, **{tune.option: value})
+            return metric(shade(candidate, light, material, view, cache=cache, time_it=False), truth)
+
+        tuned = {tune.option: tune_option(tune, error)}
+        method = replace(method, **tuned)
+    image = shade(method, light, material, view, cache=cache)
+    half_vectors = method.half_vectors(material)
+    columns = {
+        "tuned": json.dumps(tuned),
+        "options": json.dumps(method.as_dict(), sort_keys=True),
+        **{name: METRICS.create(name, {})(image, truth) for name in dict.fromkeys([*metrics, "rms"])},
+        "n_samples": int(image.costs.n_samples),
+        "stage_seconds": json.dumps(image.costs.stage_seconds),
+        "update_seconds": json.dumps(image.costs.update_seconds),
+        "shade_seconds": image.costs.shade_seconds,
+        "state_bytes": image.costs.state_bytes,
+    }
+    return Measured(columns, image, None if half_vectors is None else half_vectors.cpu().numpy())
