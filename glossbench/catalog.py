@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from platformdirs import user_cache_path
 
 from glossbench.errors import InputError, nearest
 
@@ -54,9 +55,7 @@ class Entry:
 
 def cache_folder() -> Path:
     """Where fetched files lie."""
-    import pooch  # the Tab key, which asks for names only, need not wait for it
-
-    return Path(pooch.os_cache("glossbench"))
+    return user_cache_path("glossbench")
 
 
 def data_folders() -> list[Path]:

@@ -63,7 +63,7 @@ def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -
     # Compressed by the server, the bytes asked for would be others.
     headers = {"Accept-Encoding": "identity", **({"Range": f"bytes={have}-"} if have else {})}
     with requests.get(url, headers=headers, stream=True, timeout=TIMEOUT) as answer:
-        if answer.status_code == requests.codes.requested_range_not_satisfiable:
+        if have and answer.status_code == requests.codes.requested_range_not_satisfiable:
             part.unlink()  # longer than the server's file: no beginning of it
             return _receive(url, part, size, progress)
         if not answer.ok:

@@ -28,8 +28,9 @@ from glossbench.scene.points import ShadingPoints, View, image_of
 
 N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
 FIRST_SAMPLES = 64  # of each replicate and technique
-# A round of so many point-sample pairs is fused: it takes 25 s eagerly, and compiling its kernels some 30 s once.
-FUSE_ABOVE = 1 << 28
+# A round of so many point-sample pairs is fused: it takes 6 s eagerly, and compiling its kernels some 30 s once; but the
+# next rounds take twice and four times as long, and a study's other references find the kernels compiled.
+FUSE_ABOVE = 1 << 26
 
 
 @dataclass(frozen=True)

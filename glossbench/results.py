@@ -98,7 +98,7 @@ class Results:
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
             with replacing(self.folder / "cells" / ".probe") as part:
                 part.write_text("")
-            (self.folder / "cells" / ".probe").unlink()
+            (self.folder / "cells" / ".probe").unlink(missing_ok=True)  # another run may be at the same
             for part in self.folder.rglob(".*"):
                 if _is_abandoned(part):
                     part.unlink(missing_ok=True)

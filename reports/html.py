@@ -61,9 +61,7 @@ def write_report(folder: Path) -> Path:
 
 def _metrics(study: Mapping[str, Any]) -> dict[str, Any]:
     """Metrics by name: the registered class, or None for one whose plug-in is not installed here."""
-    entries = [[entry] if isinstance(entry, str) else entry for entry in study.get("metrics") or ()]
-    asked = dict.fromkeys(name for entry in entries for name in entry)
-    return asked | {name: METRICS.get(name) for name in METRICS.names()}
+    return dict.fromkeys(study.get("metrics") or ()) | {name: METRICS.get(name) for name in METRICS.names()}
 
 
 def _count(value: float | None) -> str:

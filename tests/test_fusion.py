@@ -13,7 +13,7 @@ from glossbench.envmap.synthetic import Spots
 from glossbench.fusion import can_fuse, fused, over_points
 from glossbench.methods.environment_sampling import EnvironmentSampling
 from glossbench.methods.environment_sampling import _kernel as light_kernel
-from glossbench.methods.filtered_importance_sampling import _kernel as kernel
+from glossbench.methods.filtered_importance_sampling import _isotropic as kernel
 from glossbench.scene.sphere import Sphere
 
 N = 32

@@ -194,7 +194,7 @@ def test_image_is_what_the_papers_pseudo_code_computes(case, options, mip_filter
         {"shadowing": 0.01},
         {"cosine": False},
     ],
-    ids=str,
+    ids=lambda fault: " ".join(fault),
 )
 def test_comparison_with_the_pseudo_code_notices(fault):
     case = {"m": (0.2, 0.075), "xi": 0.2, "n_circles": 4, "spacing": "s1"}

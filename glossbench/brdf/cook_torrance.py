@@ -39,8 +39,8 @@ class CookTorrance(Material):
     Attributes:
         m: Beckmann slopes m_x, m_y along t and b, in (0, 1]; a scalar is isotropic.
         f0: reflectance at normal incidence, a scalar or RGB in [0, 1].
-        factor: "1/4", which follows from the integral of D cos_h = 1; "1/pi", as the paper prints it, 4 / pi times
-            as much.
+        factor: "1/4", which follows from the integral of D cos_h = 1; "1/pi", the paper's constant, 4 / pi
+            times as much before this D, which unlike the paper's is normalised.
         ks: factor of the lobe, a scalar or RGB in [0, 1].
         kd: diffuse albedo, a scalar or RGB in [0, 1].
 

@@ -10,6 +10,7 @@ from glossbench.catalog import entries
 from glossbench.study_files import study_files
 
 _REGISTERED = re.compile(r'^@([A-Z]+)S\.register\("(\w+)"\)', re.MULTILINE)
+_GROUPS = {"method": "methods", "material": "brdfs", "light": "lights", "view": "views", "metric": "metrics"}
 
 
 def registered(kind: str | None = None) -> list[str]:
@@ -20,8 +21,8 @@ def registered(kind: str | None = None) -> list[str]:
     packages = [Path(str(files(package))) for package in ("glossbench", "glossbench.methods")]
     sources = [path.read_text(encoding="utf-8") for package in packages for path in package.rglob("*.py")]
     found = {name for text in sources for of, name in _REGISTERED.findall(text) if kind in (None, of.lower())}
-    for of in (kind,) if kind else ("method", "material", "light", "view", "metric"):
-        found |= set(entry_points(group=f"glossbench.{of}s").names)
+    for of in (kind,) if kind else _GROUPS:
+        found |= entry_points(group=f"glossbench.{_GROUPS[of]}").names
     return sorted(found)
 
 

@@ -1,7 +1,7 @@
 """`glossbench info`: everything that has a name, and what it is."""
 
 import json
-from inspect import cleandoc
+from inspect import cleandoc, get_annotations
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -73,7 +73,7 @@ def _describe_class(kind: str, cls: Any) -> None:
     out.print(cleandoc(cls.__doc__ or ""), markup=False, highlight=False)
     out.print()
     kind_of = next(base for base in cls.__mro__ if Options in base.__bases__)
-    stated = {key: getattr(cls, key) for key in vars(kind_of).get("__annotations__", {})}
+    stated = {key: getattr(cls, key) for key in get_annotations(kind_of)}
     print_rows({key.replace("_", " "): _word(value) for key, value in stated.items() if isinstance(value, str | bool)})
     table = Table("option", "default", "values", box=None, pad_edge=False)
     for option, rule in json_schema(cls)["properties"].items():

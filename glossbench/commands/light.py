@@ -46,8 +46,9 @@ def light(
 
     if output is None and (written, written_axes) != ("lat_long", "forward"):
         raise InputError("--as and --as-axes say how a file is written: name it by -o")
-    given = {"resolution": resolution, "projection": projection, "axes": axes, "flip_vertical": flip, "ldr": ldr}
-    chosen = light_named(name, {option: value for option, value in given.items() if value not in (None, False)})
+    flags = {"flip_vertical": flip or None, "ldr": ldr or None}
+    given = {"resolution": resolution, "projection": projection, "axes": axes, **flags}
+    chosen = light_named(name, {option: value for option, value in given.items() if value is not None})
     cubemap = chosen.cubemap()
     print_rows({"light": name} | told(chosen.facts(cubemap)))
     if out.is_terminal:
