@@ -17,8 +17,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 demo: $(INSTALLED)  ## Install, run the quickstart study, print its table and the report's path.
 	$(BIN)/glossbench run quickstart
 
-test: $(INSTALLED)  ## All tests.
-	$(BIN)/python -m pytest
+test: $(INSTALLED)  ## All tests, a process a core.
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 check: $(INSTALLED)  ## Format, lint and types.
 	$(BIN)/ruff format --check .

@@ -28,7 +28,7 @@ from glossbench.scene.points import ShadingPoints, View, image_of
 
 N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
 FIRST_SAMPLES = 64  # of each replicate and technique
-# A round of so many point-sample pairs is fused: it takes 6 s eagerly, and compiling its kernels some 30 s once; but the
+# A round of so many point-sample pairs is fused: eagerly it takes 6 s, compiling its kernels some 30 s once, but the
 # next rounds take twice and four times as long, and a study's other references find the kernels compiled.
 FUSE_ABOVE = 1 << 26
 

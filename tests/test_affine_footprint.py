@@ -107,7 +107,7 @@ def test_a_constant_light_needs_no_footprint():
 def test_fused_equals_eager(light):
     points, lobe = surface(), gb.material("kurt", m=M).reflectance().lobes[0]
     u = points_2d(SAMPLES)
-    places = torch.linspace(-0.8, 0.8, 5)
+    places = torch.tensor([-0.5, 0.5])
     arguments = (lobe, lobe.sample_points(u), _steps(lobe, u), build_pyramid(light, "box"), torch.tensor(-1.0), places)
 
     eager, compiled = (over_points(_affine, points, SAMPLES, *arguments, fuse=f) for f in (False, True))

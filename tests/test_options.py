@@ -251,7 +251,7 @@ def test_registering_the_same_class_again_is_harmless():
 @pytest.mark.parametrize(
     ("kind", "name", "hint"),
     [
-        ("light", "spot", "; did you mean 'spots'?"),
+        ("light", "spts", "; did you mean 'spots'?"),
         ("material", "kurrt", "; did you mean 'kurt'?"),
         ("view", "shpere", "; did you mean 'sphere'?"),
         ("method", "importance_samplng", "; did you mean 'importance_sampling'?"),

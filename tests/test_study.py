@@ -431,7 +431,7 @@ def test_a_study_of_some_methods_keeps_what_is_said_of_them(write):
         "{text: B, lower: sampler, than: needy, metric: rms}",
     ]
     text = a_study(
-        methods="[{sampler: {samples: [1, 2]}}, {needy: {width: 2}}]",
+        methods="[{sampler: {samples: [1, 2]}}, {needy: {width: [2, 3]}}]",
         claims=f"[{', '.join(claims)}]",
         exclude="[{samples: 1}, {width: 2, light: glow}]",
     )
