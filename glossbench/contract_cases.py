@@ -169,7 +169,7 @@ def turn_light(light: CubeMap, axis: int) -> CubeMap:
 
 
 def points_between(points: ShadingPoints, start: int, stop: int) -> ShadingPoints:
-    return ShadingPoints(*(Vec3(*(c[start:stop] for c in v)) for v in vars(points).values()))
+    return points.each(lambda c: c[start:stop])
 
 
 def registered_materials() -> Iterator[Material]:

@@ -3,13 +3,15 @@
 Lo(wo) = integral of L(wi) f(wo, wi) cos_i dwi, L the bilinear interpolant of the light's texels. Techniques: the
 light's luminance, each lobe's sampler, and the cosine for a diffuse part. Each draws N points of its own scrambled
 Sobol sequence, and all are weighted by the balance heuristic (Veach 1997 eq. 9.8): every sample contributes
-f L cos_i / (N sum of all pdfs). Replicates with independent scrambles give each pixel its standard error; all
+f L cos_i V / (N sum of all pdfs). V is 1, and 0 where the scene hides the light: a direction that hits the surface
+again is black, whatever is seen there. Replicates with independent scrambles give each pixel its standard error; all
 sequences are extended together until the image's noise is under the target.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import torch
@@ -18,13 +20,14 @@ from torch.quasirandom import SobolEngine
 
 from glossbench.brdf.lobe import Channels, add
 from glossbench.brdf.material import Material, Reflectance
+from glossbench.checkpoint import Checkpoint
 from glossbench.directions import Vec3, cosine_hemisphere, to_local, to_world
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LightDistribution, luminance_distribution
 from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
 from glossbench.errors import InputError
 from glossbench.fusion import over_points
-from glossbench.scene.points import ShadingPoints, View, image_of
+from glossbench.scene.points import Occluder, ShadingPoints, View, image_of
 
 N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
 FIRST_SAMPLES = 64  # of each replicate and technique
@@ -68,6 +71,15 @@ class LightSamples(NamedTuple):
     pdf: Tensor
 
 
+class Tables(NamedTuple):
+    """What all techniques share; the occluder is None where the scene hides no light."""
+
+    reflectance: Reflectance
+    distribution: LightDistribution
+    texels: Pyramid
+    occluder: Occluder | None
+
+
 def compute_reference(
     light: CubeMap,
     material: Material,
@@ -76,6 +88,7 @@ def compute_reference(
     max_samples: int = 1 << 16,
     seed: int = 0,
     progress: Callable[[float, int], None] | None = None,
+    checkpoint: Path | None = None,
 ) -> Reference:
     """The converged image of a material under a light.
 
@@ -84,6 +97,8 @@ def compute_reference(
         max_samples: of a pixel and technique, over all replicates; the noise then is what it is.
         seed: of the scrambles.
         progress: called after each doubling with the relative noise and the samples a pixel so far.
+        checkpoint: a folder for the sums so far, saved every ten seconds; a killed call that is made again goes on
+            from them to the same bytes, and the last removes them.
 
     Raises:
         InputError: relative_error not positive, max_samples below the first round's.
@@ -94,78 +109,91 @@ def compute_reference(
         raise InputError(f"reference.max_samples must be at least {N_REPLICATES * FIRST_SAMPLES}, got {max_samples!r}")
     device = str(light.faces.device)
     points = view.points().to(device)
+    scene = view.scene()
+    occluder = scene if isinstance(scene, Occluder) else None
     reflectance = material.reflectance(device)
-    distribution, texels = luminance_distribution(light), finest(light)
+    tables = Tables(reflectance, luminance_distribution(light), finest(light), occluder)
     n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
+    sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=device)
+    done = [0] * N_REPLICATES
+    kept = Checkpoint.of(checkpoint, light.faces, material.key(), points, getattr(occluder, "key", ""), seed, device)
+    kept.load(sums, done)
     engines = [
         [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]
         for r in range(N_REPLICATES)
     ]
-    sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=device)
-    done, new = 0, FIRST_SAMPLES
+    for n, sequences in zip(done, engines, strict=True):
+        for engine in sequences:
+            engine.fast_forward(n)
+    n = max(FIRST_SAMPLES, *done)
     while True:
-        fuse = len(points) * new * N_REPLICATES * n_techniques >= FUSE_ABOVE
-        for total, sequences in zip(sums, engines, strict=True):
-            u = [_open(engine.draw(new)).to(device) for engine in sequences]
-            total += _round(points, reflectance, distribution, texels, u, fuse)
-        done, new = done + new, done + new
-        mean = sums.mean(0) / done
-        error = (sums / done).std(0) / N_REPLICATES**0.5
+        for r, sequences in enumerate(engines):
+            if done[r] < n:
+                new = n - done[r]
+                fuse = len(points) * new * N_REPLICATES * n_techniques >= FUSE_ABOVE
+                u = [_open(engine.draw(new)).to(device) for engine in sequences]
+                sums[r] += _round(points, tables, u, fuse)
+                done[r] = n
+                kept.save(sums, done)
+        mean = sums.mean(0) / n
+        error = (sums / n).std(0) / N_REPLICATES**0.5
         noise, level = float(error.square().mean().sqrt()), float(mean.mean())
-        n_samples = done * N_REPLICATES * n_techniques
+        n_samples = n * N_REPLICATES * n_techniques
         if progress is not None:
             progress(noise / level if level > 0 else 0.0, n_samples)
-        if noise <= relative_error * level or 2 * done * N_REPLICATES > max_samples:
+        if noise <= relative_error * level or 2 * n * N_REPLICATES > max_samples:
+            kept.remove()
             mask = view.mask()
             return Reference(image_of(mask, mean), image_of(mask, error), mask, n_samples)
+        n *= 2
 
 
-def _round(
-    points: ShadingPoints,
-    reflectance: Reflectance,
-    distribution: LightDistribution,
-    texels: Pyramid,
-    u: list[Tensor],
-    fuse: bool,
-) -> Tensor:
+def _round(points: ShadingPoints, tables: Tables, u: list[Tensor], fuse: bool) -> Tensor:
     """Sum over one round of samples of every technique, (P, 3), float64."""
     n = u[0].shape[0]
-    d, pdf = distribution.sample(u[0])
-    lights = LightSamples(Vec3(*(c[None] for c in d)), lookup(texels, d), pdf[None])
-    tables = (reflectance, distribution, texels)
-    total = over_points(_from_light, points, n, reflectance, lights, fuse=fuse).double()
-    for k, lobe in enumerate(reflectance.lobes):
+    d, pdf = tables.distribution.sample(u[0])
+    lights = LightSamples(Vec3(*(c[None] for c in d)), lookup(tables.texels, d), pdf[None])
+    total = over_points(_from_light, points, n, tables, lights, fuse=fuse).double()
+    for k, lobe in enumerate(tables.reflectance.lobes):
         samples = lobe.sample_points(u[1 + k])
-        total += over_points(_LOBE_KERNELS[k], points, n, *tables, samples, fuse=fuse).double()
-    if reflectance.diffuse:
+        total += over_points(_LOBE_KERNELS[k], points, n, tables, samples, fuse=fuse).double()
+    if tables.reflectance.diffuse:
         wi = Vec3(*(c[None] for c in cosine_hemisphere(u[-1])))
-        total += over_points(_from_cosine, points, n, *tables, wi, fuse=fuse).double()
+        total += over_points(_from_cosine, points, n, tables, wi, fuse=fuse).double()
     return total
 
 
-def _from_light(points: ShadingPoints, reflectance: Reflectance, lights: LightSamples) -> Tensor:
+def _from_light(points: ShadingPoints, tables: Tables, lights: LightSamples) -> Tensor:
     wo, wi = points.wo_local(), to_local(lights.direction, points.t, points.b, points.n)
-    weight = _balanced(reflectance, wo, wi, lights.pdf)
+    weight = _balanced(tables.reflectance, wo, wi, lights.pdf)
+    if tables.occluder is not None:
+        weight = _unhidden(weight, points, lights.direction, tables.occluder)
     sums = [w @ lights.radiance for w in weight]
     return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
 
 
-def _from_surface(
-    points: ShadingPoints,
-    reflectance: Reflectance,
-    distribution: LightDistribution,
-    texels: Pyramid,
-    wo: Vec3,
-    wi: Vec3,
-) -> Tensor:
+def _from_surface(points: ShadingPoints, tables: Tables, wo: Vec3, wi: Vec3) -> Tensor:
     d = to_world(wi, points.t, points.b, points.n)
-    return weighted_radiance(texels, d, None, _balanced(reflectance, wo, wi, distribution.pdf(d)))
+    weight = _balanced(tables.reflectance, wo, wi, tables.distribution.pdf(d))
+    if tables.occluder is not None:
+        weight = _unhidden(weight, points, d, tables.occluder)
+    return weighted_radiance(tables.texels, d, None, weight)
 
 
-def _from_cosine(
-    points: ShadingPoints, reflectance: Reflectance, distribution: LightDistribution, texels: Pyramid, wi: Vec3
-) -> Tensor:
-    return _from_surface(points, reflectance, distribution, texels, points.wo_local(), wi)
+def _from_cosine(points: ShadingPoints, tables: Tables, wi: Vec3) -> Tensor:
+    return _from_surface(points, tables, points.wo_local(), wi)
+
+
+@torch.compiler.disable
+def _unhidden(weight: Channels, points: ShadingPoints, d: Vec3, occluder: Occluder) -> Channels:
+    """The weights, zero where the scene hides the light; only of what has a weight a ray is cast."""
+    assert points.position is not None
+    assert points.ng is not None
+    seen = torch.stack(weight).amax(0) > 0
+    rows, columns = seen.nonzero(as_tuple=True)
+    position, ng = (Vec3(*(c[rows, 0] for c in v)) for v in (points.position, points.ng))
+    seen[rows, columns] = occluder.visible(position, ng, Vec3(*(c.expand_as(seen)[rows, columns] for c in d)))
+    return tuple(channel * seen for channel in weight)
 
 
 def _balanced(reflectance: Reflectance, wo: Vec3, wi: Vec3, light_pdf: Tensor) -> Channels:
@@ -181,12 +209,9 @@ def _balanced(reflectance: Reflectance, wo: Vec3, wi: Vec3, light_pdf: Tensor) -
 
 
 def _lobe_kernel(k: int) -> Callable[..., Tensor]:
-    def from_lobe(
-        points: ShadingPoints, reflectance: Reflectance, distribution: LightDistribution, texels: Pyramid, samples: Any
-    ) -> Tensor:
+    def from_lobe(points: ShadingPoints, tables: Tables, samples: Any) -> Tensor:
         wo = points.wo_local()
-        wi = reflectance.lobes[k].sample(wo, samples).wi
-        return _from_surface(points, reflectance, distribution, texels, wo, wi)
+        return _from_surface(points, tables, wo, tables.reflectance.lobes[k].sample(wo, samples).wi)
 
     return from_lobe
 

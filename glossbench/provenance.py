@@ -21,7 +21,8 @@ NUMERICS = (
 
 def numerics_hash() -> str:
     """SHA-256 of the source that decides the numbers, and of the versions of what computes and decodes them."""
-    versions = [torch.__version__, *map(version, ("scipy", "scikit-image", "flip-evaluator", "OpenImageIO"))]
+    names = ("scipy", "scikit-image", "flip-evaluator", "OpenImageIO", "trimesh", "embreex")
+    versions = [torch.__version__, *map(version, names)]
     digest = hashlib.sha256(" ".join(versions).encode())
     package = Path(__file__).parent
     for part in NUMERICS:

@@ -14,8 +14,6 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +23,7 @@ from numpy.typing import NDArray
 from skimage.io import imread, imsave
 from torch import Tensor
 
+from glossbench.atomic import replacing
 from glossbench.envmap.files import read_pixels, write_exr
 from glossbench.errors import InputError
 from glossbench.ground_truth import Reference
@@ -35,19 +34,6 @@ from glossbench.yaml_marks import dump, read_document
 def key_of(parts: Any) -> str:
     """A key for the disk: the first 80 bits of the SHA-256 of some JSON data."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:20]
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A path to write to, that takes the place of `path` when all went well: never a half-written file."""
-    part = path.with_name(f".{os.getpid()}.{path.name}")
-    try:
-        yield part
-        os.replace(part, path)
-    except OSError as error:  # a full disk, a folder that is gone
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _is_abandoned(part: Path) -> bool:
@@ -160,6 +146,8 @@ class Results:
         provenance: dict[str, Any],
     ) -> None:
         """Write the study, its verdicts, its provenance, and last the table of cells: that says that all is there."""
+        for partial in (self.folder / "references").glob("*.partial.npz"):  # of a study that has changed since
+            partial.unlink(missing_ok=True)
         with replacing(self.folder / "study.yaml") as part:
             part.write_text(dump(study), encoding="utf-8")
         self._write_json("claims.json", verdicts)

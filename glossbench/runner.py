@@ -263,8 +263,9 @@ class _Executor:
             view = VIEWS.create(cell.view.name, cell.view.options)
             self.progress.doing("reference")
             truth = compute_reference(
-                light, material, view, options.relative_error, options.max_samples, options.seed, tell
-            )
+                light, material, view, options.relative_error, options.max_samples, options.seed, tell,
+                self.results.folder / "references" if self.use_cache else None,
+            )  # fmt: skip
             self.results.add_reference(key, truth, time.perf_counter() - started)
             self._fresh.add(key)
         stored = Reference(

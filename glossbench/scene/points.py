@@ -1,5 +1,6 @@
 """Shading points: where, with which frame and from which side a surface is seen; and the views that make them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,12 +14,23 @@ from glossbench.registry import Registry
 
 @dataclass(frozen=True)
 class ShadingPoints:
-    """P surface points seen from outside: a right-handed frame and the direction to the viewer, components (P,)."""
+    """P surface points seen from outside: a right-handed frame and the direction to the viewer, components (P,).
+
+    Attributes:
+        t: tangent.
+        b: bitangent n x t.
+        n: shading normal, n . wo > 0.
+        wo: direction to the viewer.
+        position: place in the scene; none where the scene hides no light.
+        ng: normal of the surface itself, ng . wo > 0, where n is interpolated; none where position is none.
+    """
 
     t: Vec3
     b: Vec3
     n: Vec3
     wo: Vec3
+    position: Vec3 | None = None
+    ng: Vec3 | None = None
 
     def __len__(self) -> int:
         return self.n.x.shape[0]
@@ -30,7 +42,7 @@ class ShadingPoints:
 
     def columns(self, start: int, stop: int) -> "ShadingPoints":
         """Points [start, stop) with components (P, 1), ready to meet samples (1, N)."""
-        return ShadingPoints(*(Vec3(*(c[start:stop, None] for c in v)) for v in (self.t, self.b, self.n, self.wo)))
+        return self.each(lambda c: c[start:stop, None])
 
     def wo_local(self) -> Vec3:
         """The direction to the viewer in the frame (t, b, n)."""
@@ -38,7 +50,19 @@ class ShadingPoints:
 
     def to(self, device: str) -> "ShadingPoints":
         """The same points on another device."""
-        return ShadingPoints(*(Vec3(*(c.to(device) for c in v)) for v in (self.t, self.b, self.n, self.wo)))
+        return self.each(lambda c: c.to(device))
+
+    def each(self, change: Callable[[Tensor], Tensor]) -> "ShadingPoints":
+        """The points with every component changed alike."""
+        return ShadingPoints(*(v and Vec3(*map(change, v)) for v in vars(self).values()))
+
+
+class Occluder:
+    """A scene some of whose points hide the light of others. A scene that is none, as the sphere, hides none."""
+
+    def visible(self, position: Vec3, ng: Vec3, direction: Vec3) -> Tensor:
+        """Whether light from a direction reaches a position, all (N,): bool (N,); ng as of ShadingPoints."""
+        raise NotImplementedError
 
 
 class View(Options):

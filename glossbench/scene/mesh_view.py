@@ -1,0 +1,138 @@
+"""A mesh under a camera: one shading point for each pixel whose centre shows it."""
+
+import json
+from functools import cached_property
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from pydantic import Field
+from torch import Tensor
+
+from glossbench.directions import Vec3, vec3
+from glossbench.errors import InputError
+from glossbench.scene.camera import framing
+from glossbench.scene.mesh import Mesh
+from glossbench.scene.mesh_files import meaning_of, mesh_named
+from glossbench.scene.points import VIEWS, ShadingPoints, View
+
+# n . wo of a shading normal that interpolation has turned away from the viewer: below it materials are all but mirrors.
+LEAST_COSINE = 0.01
+
+Floats = NDArray[np.float64]
+
+
+class Seen(NamedTuple):
+    """What the camera sees: mask (H, W) and the points of its pixels."""
+
+    mask: Tensor
+    points: ShadingPoints
+
+
+@VIEWS.register("mesh")
+class MeshView(View):
+    """A triangle mesh with smooth normals, framed by a camera; its light is hidden by itself.
+
+    A pixel shows the point that the ray through its centre hits first. n is interpolated between the vertices and
+    turned to the side that is seen; where it still faces away from the viewer, it is bent to n . wo = 0.01. The tangent
+    is the mesh's own, made orthogonal to n; where it has none, along circles of latitude as on the sphere, t = up x n /
+    |up x n|. b = n x t. Light from behind the triangle itself is hidden, as any opaque surface hides it: where
+    triangles are large, smooth shading ends in their outlines.
+
+    Attributes:
+        shape: cloth, torus_knot or bowl; a mesh of the catalogue: spot, teapot or bunny; or a file, .obj, .ply, .glb,
+            .gltf or .stl.
+        resolution: rows of pixels.
+        width: columns of pixels; by default as many as rows.
+        camera: parallel rays, or from one point.
+        fov: angle across the shorter edge of a perspective image, in degrees.
+        azimuth: of the camera from the front (+z) to the right (+x), in degrees.
+        elevation: of the camera above the horizon, in degrees.
+        zoom: magnifies about the middle; at 1 all of the mesh is seen, with a margin of a fortieth of the shorter edge.
+    """
+
+    shape: str = "torus_knot"
+    resolution: Annotated[int, Field(ge=1, le=8192)] = 256
+    width: Annotated[int, Field(ge=1, le=8192)] | None = None
+    camera: Literal["perspective", "orthographic"] = "perspective"
+    fov: Annotated[float, Field(ge=1, le=150)] = 30.0
+    azimuth: Annotated[float, Field(ge=-360, le=360)] = 30.0
+    elevation: Annotated[float, Field(ge=-90, le=90)] = 30.0
+    zoom: Annotated[float, Field(ge=0.01, le=1000)] = 1.0
+
+    def mask(self) -> Tensor:
+        """True (H, W) where a ray through the pixel's centre hits the mesh."""
+        return self._seen.mask
+
+    def points(self) -> ShadingPoints:
+        """One shading point for each pixel of the mask, with its position and the normal of its triangle."""
+        return self._seen.points
+
+    def scene(self) -> Mesh:
+        """The mesh itself, the same for all cameras."""
+        return self._mesh
+
+    def key(self) -> str:
+        """That of the mesh's bytes, and how it is seen."""
+        camera = {k: v for k, v in self.as_dict().items() if k != "shape"}
+        return f"mesh:{meaning_of(self.shape)}:{json.dumps(camera, sort_keys=True)}"
+
+    @cached_property
+    def _mesh(self) -> Mesh:
+        return mesh_named(self.shape)
+
+    @cached_property
+    def _seen(self) -> Seen:
+        height, width = self.resolution, self.width or self.resolution
+        mesh = self._mesh
+        fov = self.fov if self.camera == "perspective" else None
+        camera = framing(mesh.vertices, width / height, self.azimuth, self.elevation, fov, self.zoom)
+        origins, directions = camera.rays(height, width)
+        hits = mesh.rays.first_hit(origins, directions)
+        hit = hits.face >= 0
+        if not hit.any():
+            raise InputError(f"mesh: no pixel shows {self.shape!r}; take a zoom of 1 or more pixels")
+        points = shading_points(mesh, hits.face[hit], hits.barycentric[hit], -directions[hit])
+        return Seen(torch.from_numpy(hit.reshape(height, width)), points)
+
+
+def shading_points(mesh: Mesh, face: NDArray[np.int32], barycentric: Floats, wo: Floats) -> ShadingPoints:
+    """Points of a mesh as they are seen from wo (P, 3)."""
+    corners = mesh.faces[face]
+
+    def interpolated(values: Floats) -> Floats:
+        return np.einsum("pk,pkc->pc", barycentric, values[corners])
+
+    ng = _facing(mesh.face_normals(face), wo)
+    n = interpolated(mesh.normals)
+    n = np.where(_dot(n, n) > 1e-12, n, ng)  # normals that cancel
+    n = _unit(n * np.where(_dot(n, ng) < 0, -1, 1))
+    c = _dot(n, wo)
+    sideways = _unit(n - c * wo)
+    n = np.where(c < LEAST_COSINE, LEAST_COSINE * wo + (1 - LEAST_COSINE**2) ** 0.5 * sideways, n)
+    up, right = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    t = np.cross(up, n) if mesh.tangents is None else interpolated(mesh.tangents)
+    t = t - _dot(t, n) * n
+    # At a pole every tangent is as good as another: x is, and where n is x itself, y.
+    for other in (right, up):
+        t = np.where(_dot(t, t) > 1e-12, t, other - _dot(other[None], n) * n)
+    t = _unit(t)
+    frame = (t, np.cross(n, t), n, wo, interpolated(mesh.vertices), ng)
+    return ShadingPoints(*(_vec3(v) for v in frame))
+
+
+def _vec3(v: Floats) -> Vec3:
+    return Vec3(*(c.contiguous() for c in vec3(torch.from_numpy(v).float())))
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return (a * b).sum(1, keepdims=True)
+
+
+def _unit(v: Floats) -> Floats:
+    return v / np.maximum(np.sqrt(_dot(v, v)), 1e-30)
+
+
+def _facing(n: Floats, wo: Floats) -> Floats:
+    return np.where(_dot(n, wo) < 0, -n, n)
