@@ -274,9 +274,9 @@ def check_pure(method: Method) -> Measured:
     images = [shader(points).clone(), shader(points).clone(), Shader(method, light, material)(points)]
     if not torch.equal(light.faces, spots(3).faces):
         return False, "writes into the light"
-    for name, used, fresh in zip(
-        "t b n wo".split(), vars(points).values(), vars(general_points()).values(), strict=True
-    ):
+    fresh_points = general_points()
+    for name in ("t", "b", "n", "wo"):
+        used, fresh = getattr(points, name), getattr(fresh_points, name)
         if not all(torch.equal(a, b) for a, b in zip(used, fresh, strict=True)):
             return False, f"writes into the points' {name}"
     for image, what in zip(images[1:], ("the same stages", "new stages"), strict=True):

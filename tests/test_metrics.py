@@ -21,6 +21,7 @@ IMAGE = [[2.0, 2.0, 1.0], [4.0, 2.0, 2.0]]
 BY_HAND = {
     "rms": sqrt(1.5),
     "relative_rms": sqrt(1.5) / 2,
+    "relative_l1": 5 / 12,
     "mean_error": 1 / 6,
     "max_error": 2.0,
     "mrse": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,
@@ -111,8 +112,9 @@ def test_errors_are_summed_in_double_precision():
 def test_a_black_truth_has_no_relative_error():
     black, lit = image([[0.0] * 3] * 2), image(IMAGE)
 
-    assert gb.metric("relative_rms")(black, black) == 0
-    assert gb.metric("relative_rms")(lit, black) == inf
+    for name in ("relative_rms", "relative_l1"):
+        assert gb.metric(name)(black, black) == 0
+        assert gb.metric(name)(lit, black) == inf
 
 
 def test_lost_energy_is_a_negative_mean_error():
@@ -156,6 +158,7 @@ def scalar(name, picture, truth):
     return {
         "rms": sqrt(squared),
         "relative_rms": sqrt(squared) / (sum(y for _, y in numbers) / n),
+        "relative_l1": sum(abs(x - y) for x, y in numbers) / sum(y for _, y in numbers),
         "mean_error": sum(x - y for x, y in numbers) / n,
         "max_error": max(abs(x - y) for x, y in numbers),
         "mrse": sum(relative) / len(relative),
@@ -238,6 +241,7 @@ def test_trimming_drops_the_firefly_and_no_more_than_its_fraction():
 FROM_MAP = {
     "rms": lambda e: sqrt((e**2).mean()),
     "relative_rms": lambda e: sqrt((e**2).mean()),
+    "relative_l1": lambda e: e.mean(),
     "mean_error": lambda e: e.mean(),
     "max_error": lambda e: e.max(),
     "mrse": lambda e: e.mean(),
@@ -266,7 +270,7 @@ def test_the_number_is_told_by_the_map(name):
 @pytest.mark.parametrize(
     ("name", "expected"),
     [("rms", sqrt(5 / 3)), ("mean_error", -1 / 3), ("max_error", 2.0), ("smape", (2 / 3 + 1) / 3),
-     ("relative_rms", sqrt(5 / 3) / 2), ("mrse", (1 / 1.01 + 4 / 9.01) / 3)],
+     ("relative_rms", sqrt(5 / 3) / 2), ("relative_l1", 1 / 2), ("mrse", (1 / 1.01 + 4 / 9.01) / 3)],
 )  # fmt: skip
 def test_a_map_holds_the_error_of_each_pixel(name, expected):
     errors = gb.metric(name).error_map(image(IMAGE), image(TRUTH))

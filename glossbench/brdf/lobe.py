@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from glossbench.directions import Vec3
+from glossbench.directions import Vec3, points_2d
 
 Channels = tuple[Tensor, ...]  # one tensor for a grey quantity, three for red, green and blue
 
@@ -82,6 +82,16 @@ class Lobe:
         """(h_x / (w_x h_z))^2 + (h_y / (w_y h_z))^2"""
         x, y = h.x / (self.widths[0] * h.z), h.y / (self.widths[1] * h.z)
         return x * x + y * y
+
+    def albedo(self, wo: Vec3, n_samples: int = 4096) -> Tensor:
+        """Directional albedo: integral of f(wo, wi) cos_i dwi, RGB (P, 3), float64, for directions (P,).
+
+        By the lobe's own sampler at Hammersley points.
+        """
+        column = Vec3(*(c[:, None] for c in wo))
+        weight = self.sample(column, self.sample_points(points_2d(n_samples).to(wo.z.device))).weight
+        means = [w.expand(len(wo.z), n_samples).double().mean(1) for w in weight]
+        return torch.stack(widen(tuple(means), 3), dim=1)
 
     def D(self, h: Vec3) -> Tensor:
         """Half vector density q / (pi w_x w_y cos_h^4) [1/sr], integral of D cos_h = 1 over the hemisphere."""

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from glossbench.brdf.lobe import Channels, Lobe, add
-from glossbench.directions import Vec3, points_2d
+from glossbench.directions import Vec3
 from glossbench.options import Options
 from glossbench.registry import Registry
 
@@ -69,19 +69,12 @@ class Material(Options):
         Each lobe is summed by its own sampler at Hammersley points, the diffuse part is exact.
         """
         reflectance = self.reflectance()
-        column = Vec3(*(c[:, None] for c in wo))
         total = torch.zeros(wo.z.shape[0], 3, dtype=torch.float64)
-        for d, channel in zip(reflectance.diffuse, _targets(reflectance.diffuse), strict=True):
-            total[:, channel] += d.double()
+        if reflectance.diffuse:
+            total += torch.stack(reflectance.diffuse).double()
         for lobe in reflectance.lobes:
-            weight = lobe.sample(column, lobe.sample_points(points_2d(n_samples))).weight
-            for w, channel in zip(weight, _targets(weight), strict=True):
-                total[:, channel] += w.expand(len(column.z), n_samples).double().mean(1, keepdim=True)
+            total += lobe.albedo(wo, n_samples)
         return total
-
-
-def _targets(channels: Channels) -> list[slice]:
-    return [slice(0, 3)] if len(channels) == 1 else [slice(c, c + 1) for c in range(len(channels))]
 
 
 MATERIALS: Registry[Material] = Registry("material", "glossbench.brdf", "glossbench.brdfs")

@@ -1,9 +1,34 @@
-"""The modified Phong model of Lafortune and Willems 1994: a normalised cosine lobe about the mirror direction."""
+"""Phong models: a cosine lobe about the mirror direction, modified (Lafortune and Willems 1994) or without a cosine."""
 
-from glossbench.brdf.cosine_lobe import MIRROR, Exponent, cosine_lobe
-from glossbench.brdf.lobe import channels
+from dataclasses import dataclass
+
+import torch
+
+from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe, CosinePoints, Exponent, cosine_lobe
+from glossbench.brdf.lobe import Channels, Sample, channels
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.directions import Vec3
 from glossbench.options import Color
+
+
+@dataclass(frozen=True)
+class UnforeshortenedLobe(CosineLobe):
+    """f = ks (s + 1) / (2 pi) cos^s(alpha) / cos_i: f cos_i is the plain lobe, which integrates to ks.
+
+    f has no bound towards a grazing light, f cos_i has. Not reciprocal. What falls below the surface counts nothing.
+    """
+
+    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, torch.Tensor]:
+        """`f` and `pdf`, which share cos^s."""
+        pdf = super().f_and_pdf(wo, wi)[1]
+        value = pdf / wi.z.clamp(min=1e-6)
+        return tuple(ks * value for ks in self.ks), pdf
+
+    def sample(self, wo: Vec3, points: CosinePoints) -> Sample:
+        """The points about the mirror direction: f cos_i / pdf = ks."""
+        wi, pdf, _ = super().sample(wo, points)
+        above = (wi.z > 0).float()
+        return Sample(wi, pdf, tuple(ks * above for ks in self.ks))
 
 
 @MATERIALS.register("phong")
@@ -13,19 +38,27 @@ class Phong(Material):
     Reciprocal. Conserves energy where kd + ks <= 1: ks is the albedo of the lobe seen along the normal. Towards
     grazing views the albedo falls to ks (s + 2) / (2 pi) B((s + 1) / 2, 3 / 2), about ks / sqrt(2 pi s).
 
+    Without foreshortening it is Phong's own model: the glossy part of f cos_i is ks (s + 1) / (2 pi) cos^s(alpha), the
+    same lobe from all sides. It is not reciprocal.
+
     Attributes:
         s: exponent, in [0, 1e5]; for 0 the lobe is constant on the hemisphere about r.
         ks: factor of the lobe, a scalar or RGB in [0, 1].
         kd: diffuse albedo, a scalar or RGB in [0, 1].
+        foreshortening: the lobe is weakened by cos_i, as all of a surface is.
 
-    Source: Lafortune and Willems 1994, "Using the modified Phong reflectance model for physically based rendering".
+    Source: Lafortune and Willems 1994, "Using the modified Phong reflectance model for physically based rendering";
+    without foreshortening Phong 1975, and Knuth et al. 2014 eq. 4.
     """
 
     s: Exponent = 20.0
     ks: Color = (1.0, 1.0, 1.0)
     kd: Color = (0.0, 0.0, 0.0)
+    foreshortening: bool = True
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
         lobe = cosine_lobe(MIRROR, self.s, self.ks, device)
+        if not self.foreshortening:
+            lobe = UnforeshortenedLobe(**vars(lobe))
         return Reflectance(channels(self.kd, device) if any(self.kd) else (), (lobe,))

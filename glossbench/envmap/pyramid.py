@@ -145,9 +145,9 @@ def mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) -> tuple
 
 def halve(padded: Tensor, taps: tuple[float, ...]) -> Tensor:
     """Images of R texels, padded by len(taps) / 2 - 1, -> R / 2: the separable filter centred on each 2x2 block."""
-    last = padded.shape[1] - len(taps) + 1
-    rows = _combine([padded[:, k : k + last : 2] for k in range(len(taps))], taps)
-    return _combine([rows[:, :, k : k + last : 2] for k in range(len(taps))], taps)
+    height, width = (n - len(taps) + 1 for n in padded.shape[1:3])
+    rows = _combine([padded[:, k : k + height : 2] for k in range(len(taps))], taps)
+    return _combine([rows[:, :, k : k + width : 2] for k in range(len(taps))], taps)
 
 
 def _combine(slices: list[Tensor], taps: tuple[float, ...]) -> Tensor:

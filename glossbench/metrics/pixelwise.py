@@ -39,6 +39,24 @@ class RelativeRMS(RMS):
         return rms / mean if mean > 0 else np.where(rms == 0, 0.0, np.inf)
 
 
+@METRICS.register("relative_l1")
+class RelativeL1(Metric):
+    """Mean absolute error over the mean of the reference; 0 over 0 is 0, any other error over 0 infinite.
+
+    Of a mirror ball under one lit texel it is the difference of two lobes over the volume of one: an orthographic
+    view of a sphere shows equal solid angles of mirror directions in equal areas.
+    """
+
+    formula = "mean(|x - y|) / mean(y)"
+    unit = "1"
+    map_formula = "mean(|x - y|) / mean of all y"
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """Absolute error, the mean over the channels, over the mean of the reference."""
+        error, mean = np.mean(np.abs(x - y), axis=2), float(y[mask].mean())
+        return error / mean if mean > 0 else np.where(error == 0, 0.0, np.inf)
+
+
 @METRICS.register("mean_error")
 class MeanError(Metric):
     """Mean signed error: energy gained (above 0) or lost."""
