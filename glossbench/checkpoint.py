@@ -15,7 +15,6 @@ from glossbench.atomic import replacing
 from glossbench.costs import tensors_in
 from glossbench.provenance import numerics_hash
 
-
 INTERVAL = 10.0  # seconds between two savings at the least: the sums of a large image are a hundred megabytes
 
 
