@@ -24,7 +24,7 @@ from glossbench.envmap.synthetic import Constant, SingleTexel
 from glossbench.errors import InputError
 from glossbench.ground_truth import N_REPLICATES, compute_reference
 from glossbench.scene.points import ShadingPoints
-from glossbench.scene.sphere import Sphere
+from glossbench.scene.sphere import Sphere, UnitSphere
 
 VIEW = Sphere(resolution=6)
 N_SEEDS = 20
@@ -417,6 +417,9 @@ class Grazing:
         zero, one = torch.zeros_like(c), torch.ones_like(c)
         wo = Vec3(torch.sqrt(1 - c * c), zero, c)
         return ShadingPoints(Vec3(one, zero, zero), Vec3(zero, one, zero), Vec3(zero, zero, one), wo)
+
+    def scene(self):
+        return UnitSphere()  # hides nothing
 
 
 @dataclass(frozen=True)
