@@ -39,7 +39,7 @@ class ManyLights(Method):
     regions: Annotated[int, Field(ge=6, le=4096)] = 64
     visibility: Visibility = "none"
     shadow_resolution: Annotated[int, Field(ge=8, le=4096)] = 256
-    blocker_distance: Annotated[float, Field(ge=0, le=4)] = 0.5
+    blocker_distance: Annotated[float, Field(ge=0, le=4)] = 0.25
     light_bleeding: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
     # Measured: furnace 0.018, turns 0.003. Cuts follow the light and the faces: no linearity.

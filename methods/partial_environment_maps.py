@@ -64,7 +64,8 @@ class PartialEnvironmentMaps(Method):
     storage: Storage = "cube"
     memory_limit: Annotated[float, Field(gt=0, le=1024)] = 4.0
     shadow_resolution: Annotated[int, Field(ge=8, le=4096)] = 256
-    blocker_distance: Annotated[float, Field(ge=0, le=4)] = 0.5
+    # Measured, bunny under Grace, phong 32, at 0, 1/4, 1/2, 1: relative RMS 0.412, 0.407, 0.414, 0.434.
+    blocker_distance: Annotated[float, Field(ge=0, le=4)] = 0.25
     light_bleeding: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
     # Measured: furnace 7e-5. More lookups bring it no nearer to the truth: there is no budget.

@@ -122,7 +122,7 @@ def variance_shadow_maps(
     direction: Vec3,
     solid_angle: Tensor,
     resolution: int = 256,
-    blocker_distance: float = 0.5,
+    blocker_distance: float = 0.25,
     light_bleeding: float = 0.0,
 ) -> VarianceShadowMaps:
     """Shadow maps of N lights: heights of first hits along parallel rays, framed to the mesh, blurred.
