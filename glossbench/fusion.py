@@ -1,7 +1,8 @@
 """Running a kernel over all points: in chunks that bound the working set, fused by torch.compile where it pays.
 
 A kernel is a pure function kernel(points, *arguments) -> (P, C): `points` are a chunk's ShadingPoints as columns
-(P, 1), the arguments are tensors of samples (1, N) and tables, alone or in named tuples and frozen dataclasses.
+(P, 1), the arguments are tensors of samples (1, N) and tables, alone or in named tuples and frozen dataclasses, or
+`PerPoint`.
 """
 
 import logging
@@ -10,7 +11,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from functools import cache
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -25,6 +26,16 @@ CHUNK = 1 << 17
 FUSE_ABOVE = 1 << 25
 
 Kernel = Callable[..., Tensor]
+
+
+class PerPoint(NamedTuple):
+    """An argument of a kernel with a row for each point, (P, K): a kernel gets the rows of its chunk as a tensor."""
+
+    values: Tensor
+
+    def rows(self, start: int, stop: int) -> Tensor:
+        """Rows [start, stop)."""
+        return self.values[start:stop]
 
 
 def over_points(kernel: Kernel, points: ShadingPoints, width: int, *arguments: Any, fuse: bool | None = None) -> Tensor:
@@ -45,7 +56,11 @@ def over_points(kernel: Kernel, points: ShadingPoints, width: int, *arguments: A
     # One kernel serves many kinds of lobes and tables, each compiled for itself.
     limits = torch._dynamo.config.patch(recompile_limit=64) if fuse else nullcontext()
     with limits, torch.no_grad():
-        return torch.cat([run(points.columns(i, min(i + size, n)), *arguments) for i in starts])
+        return torch.cat([run(points.columns(i, i + size), *_of_chunk(arguments, i, i + size)) for i in starts])
+
+
+def _of_chunk(arguments: tuple[Any, ...], start: int, stop: int) -> list[Any]:
+    return [a.rows(start, stop) if isinstance(a, PerPoint) else a for a in arguments]
 
 
 @cache

@@ -28,6 +28,7 @@ from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
 from glossbench.errors import InputError
 from glossbench.fusion import over_points
 from glossbench.scene.points import Occluder, ShadingPoints, View, image_of
+from glossbench.visibility import occluder_of, unhidden
 
 N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
 FIRST_SAMPLES = 64  # of each replicate and technique
@@ -109,8 +110,7 @@ def compute_reference(
         raise InputError(f"reference.max_samples must be at least {N_REPLICATES * FIRST_SAMPLES}, got {max_samples!r}")
     device = str(light.faces.device)
     points = view.points().to(device)
-    scene = view.scene()
-    occluder = scene if isinstance(scene, Occluder) else None
+    occluder = occluder_of(view.scene())
     reflectance = material.reflectance(device)
     tables = Tables(reflectance, luminance_distribution(light), finest(light), occluder)
     n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
@@ -166,34 +166,19 @@ def _round(points: ShadingPoints, tables: Tables, u: list[Tensor], fuse: bool) -
 def _from_light(points: ShadingPoints, tables: Tables, lights: LightSamples) -> Tensor:
     wo, wi = points.wo_local(), to_local(lights.direction, points.t, points.b, points.n)
     weight = _balanced(tables.reflectance, wo, wi, lights.pdf)
-    if tables.occluder is not None:
-        weight = _unhidden(weight, points, lights.direction, tables.occluder)
+    weight = unhidden(weight, points, lights.direction, tables.occluder)
     sums = [w @ lights.radiance for w in weight]
     return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
 
 
 def _from_surface(points: ShadingPoints, tables: Tables, wo: Vec3, wi: Vec3) -> Tensor:
     d = to_world(wi, points.t, points.b, points.n)
-    weight = _balanced(tables.reflectance, wo, wi, tables.distribution.pdf(d))
-    if tables.occluder is not None:
-        weight = _unhidden(weight, points, d, tables.occluder)
+    weight = unhidden(_balanced(tables.reflectance, wo, wi, tables.distribution.pdf(d)), points, d, tables.occluder)
     return weighted_radiance(tables.texels, d, None, weight)
 
 
 def _from_cosine(points: ShadingPoints, tables: Tables, wi: Vec3) -> Tensor:
     return _from_surface(points, tables, points.wo_local(), wi)
-
-
-@torch.compiler.disable
-def _unhidden(weight: Channels, points: ShadingPoints, d: Vec3, occluder: Occluder) -> Channels:
-    """The weights, zero where the scene hides the light; only of what has a weight a ray is cast."""
-    assert points.position is not None
-    assert points.ng is not None
-    seen = torch.stack(weight).amax(0) > 0
-    rows, columns = seen.nonzero(as_tuple=True)
-    position, ng = (Vec3(*(c[rows, 0] for c in v)) for v in (points.position, points.ng))
-    seen[rows, columns] = occluder.visible(position, ng, Vec3(*(c.expand_as(seen)[rows, columns] for c in d)))
-    return tuple(channel * seen for channel in weight)
 
 
 def _balanced(reflectance: Reflectance, wo: Vec3, wi: Vec3, light_pdf: Tensor) -> Channels:

@@ -6,13 +6,17 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from glossbench.brdf.material import Reflectance
+from glossbench.brdf.lobe_sum import LobeSum, fit_lobe_sum
+from glossbench.brdf.material import Material, Reflectance
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.harmonics import irradiance as irradiance_at
 from glossbench.envmap.harmonics import irradiance_coefficients
+from glossbench.envmap.lobe_calibration import LobeLevels, calibrate
+from glossbench.envmap.median_cut import Partition
 from glossbench.envmap.paraboloid import Paraboloid, build_paraboloid
 from glossbench.envmap.pyramid import Pyramid, build_pyramid
+from glossbench.scene.shadows import Shadows, cast
 from glossbench.shading import stage
 
 
@@ -35,3 +39,24 @@ def diffuse_radiance(reflectance: Reflectance, coefficients: Tensor, n: Vec3) ->
     if not reflectance.diffuse:
         return coefficients.new_zeros(n.x.shape[0], 3)
     return irradiance_at(coefficients, n) * torch.stack(reflectance.diffuse) / pi
+
+
+@stage
+def lobe_sums(self: Any, material: Material) -> tuple[LobeSum, ...]:
+    """Cosine lobes of each glossy lobe, at most the method's `lobes`."""
+    return tuple(fit_lobe_sum(lobe, self.lobes) for lobe in material.reflectance().lobes)
+
+
+@stage
+def calibration(self: Any, light: CubeMap) -> LobeLevels:
+    """Levels of exponents; of the light only its resolution counts."""
+    return calibrate(light.resolution, self.mip_filter, self.volume)
+
+
+@stage
+def shadows(self: Any, partition: Partition, scene: Any) -> Shadows:
+    """What hides the regions of the light, by the method's `visibility`."""
+    return cast(
+        self.visibility, scene, partition.direction, partition.solid_angle,
+        self.shadow_resolution, self.blocker_distance, self.light_bleeding,
+    )  # fmt: skip

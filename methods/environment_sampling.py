@@ -1,6 +1,6 @@
 """Environment sampling: the light as N directional lights, drawn by luminance."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import torch
 from pydantic import Field
@@ -13,8 +13,9 @@ from glossbench.envmap.importance import luminance_distribution
 from glossbench.envmap.pyramid import finest, lookup
 from glossbench.fusion import over_points
 from glossbench.options import Seed
-from glossbench.scene.points import ShadingPoints
+from glossbench.scene.points import Occluder, ShadingPoints
 from glossbench.shading import METHODS, Contract, Method, stage
+from glossbench.visibility import occluder_of, unhidden
 
 
 class DirectionalLights(NamedTuple):
@@ -32,6 +33,7 @@ class EnvironmentSampling(Method):
 
     Attributes:
         samples: N.
+        visibility: "rays": a shadow ray a sample where the scene hides light.
         points: N points of the unit square.
         seed: of random points.
 
@@ -39,6 +41,7 @@ class EnvironmentSampling(Method):
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 20)] = 64
+    visibility: Literal["none", "rays"] = "none"
     points: PointSet = "hammersley"
     seed: Seed = 0
 
@@ -54,14 +57,17 @@ class EnvironmentSampling(Method):
         radiance = lookup(finest(light), d)
         return DirectionalLights(Vec3(*(c[None] for c in d)), radiance / (pdf * self.samples)[:, None])
 
-    def shade(self, points: ShadingPoints, material: Material, lights: DirectionalLights) -> Tensor:
+    def shade(self, points: ShadingPoints, material: Material, lights: DirectionalLights, scene: Any = None) -> Tensor:
         """Radiance (P, 3)."""
-        return over_points(_kernel, points, self.samples, material.reflectance(points.device), lights)
+        occluder = occluder_of(scene) if self.visibility == "rays" else None
+        return over_points(_kernel, points, self.samples, material.reflectance(points.device), lights, occluder)
 
 
-def _kernel(points: ShadingPoints, reflectance: Reflectance, lights: DirectionalLights) -> Tensor:
+def _kernel(
+    points: ShadingPoints, reflectance: Reflectance, lights: DirectionalLights, occluder: Occluder | None = None
+) -> Tensor:
     """Sum over lights."""
     wi = to_local(lights.direction, points.t, points.b, points.n)
-    f = reflectance.f(points.wo_local(), wi)
-    sums = [(channel * wi.z) @ lights.power for channel in f]
+    weight = tuple(channel * wi.z for channel in reflectance.f(points.wo_local(), wi))
+    sums = [w @ lights.power for w in unhidden(weight, points, lights.direction, occluder)]
     return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)

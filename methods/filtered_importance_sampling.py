@@ -1,22 +1,27 @@
 """Filtered importance sampling, Krivanek and Colbert 2008: BRDF samples that read a filtered light."""
 
-from math import log2
+from math import log2, pi
 from typing import Annotated, Any, Literal, NamedTuple
 
 import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.lobe import Lobe
+from glossbench.brdf.lobe import Channels, Lobe
 from glossbench.brdf.material import Material
-from glossbench.directions import PointSet, Vec3, dot, normalize, points_2d, scale, to_world
+from glossbench.directions import PointSet, Vec3, dot, normalize, points_2d, scale, spherical, to_world
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.harmonics import project
+from glossbench.envmap.importance import luminance_distribution
 from glossbench.envmap.pyramid import Environment, MipFilter, weighted_radiance
 from glossbench.errors import InputError
-from glossbench.fusion import over_points
+from glossbench.fusion import PerPoint, over_points
 from glossbench.options import Finite, Seed
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading import METHODS, Contract, Method
-from glossbench.stages import diffuse_radiance, irradiance, pyramid
+from glossbench.scene.points import Occluder, ShadingPoints, View
+from glossbench.shading import METHODS, Contract, Method, stage
+from glossbench.stages import irradiance, pyramid
+from glossbench.visibility import occluder_of, unhidden, visible_diffuse
+from glossbench.visibility_harmonics import fit_visibility, smooth, visibility_at
 
 LodBias = Literal["plain", "filament", "babylon", "materialx", "gltf_ibl_sampler"]
 # Levels that each code adds to log4 of the exact ratio 1 / (N p Omega_texel), read from their sources: Filament and
@@ -52,10 +57,22 @@ class FilteredImportanceSampling(Method):
         projection: of the light: the paper's dual paraboloid, or a cube with seamless edges.
         footprint: of the filter, isotropic (section 4.2, eq. 12 and 13) or the affine one that its end reports on.
         probes: lookups of an affine footprint.
+        visibility: where the scene hides light. "spherical_harmonics": the paper's, shadow tests in a few directions,
+            the same for all points; at each point spherical harmonics are fitted to visibility times cosine, which make
+            the diffuse part a scalar product with the light's, and over cos_i, in [0, 1], attenuate every filtered
+            sample. It blurs shadows, and guesses where no direction was tested. "rays": a shadow ray a sample, and
+            the diffuse part by N more filtered samples.
+        visibility_samples: directions of shadow tests.
+        visibility_directions: drawn by luminance, or uniform over the sphere.
+        visibility_order: bands of the harmonics; n have n^2 coefficients, the paper's "4th order" 16 (Sloan et al.
+            2002 count so), with bands 0 to 3.
+        visibility_smoothing: standard deviation [pixels] of a Gaussian over the coefficients' image, by which the paper
+            hides the texels of its shadow maps. Rays have none; the cosine within the coefficients is smoothed too.
         points: N points of the unit square.
         seed: of random points.
 
-    Source: Krivanek and Colbert 2008, sections 4.2 and 5.1.
+    Source: Krivanek and Colbert 2008, sections 4.2, 5.1 and 5.2. Differs: shadow rays in place of shadow maps, and
+    smoothing in the image in place of the surface's texture, within its outline.
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 20)] = 40
@@ -66,6 +83,11 @@ class FilteredImportanceSampling(Method):
     projection: Literal["cube", "dual_paraboloid"] = "cube"
     footprint: Literal["isotropic", "affine"] = "isotropic"
     probes: Annotated[int, Field(ge=1, le=32)] = 8
+    visibility: Literal["none", "spherical_harmonics", "rays"] = "none"
+    visibility_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 16
+    visibility_directions: Literal["luminance", "uniform"] = "luminance"
+    visibility_order: Annotated[int, Field(ge=1, le=8)] = 4
+    visibility_smoothing: Annotated[float, Field(ge=0, le=64)] = 0.0
     points: PointSet = "hammersley"
     seed: Seed = 0
 
@@ -86,31 +108,88 @@ class FilteredImportanceSampling(Method):
         """Samples of all lobes: at least one each."""
         return sum(material.reflectance().share(self.samples))
 
-    def shade(self, points: ShadingPoints, material: Material, pyramid: Environment, irradiance: Tensor) -> Tensor:
+    @stage
+    def light_coefficients(self, light: CubeMap) -> Tensor | None:
+        """Coefficients of the light (K, 3), for the diffuse part, where visibility is in spherical harmonics."""
+        return project(light, self.visibility_order).float() if self.visibility == "spherical_harmonics" else None
+
+    @stage
+    def visibility_coefficients(self, light: CubeMap, scene: Any, view: View) -> PerPoint | None:
+        """Coefficients of visibility times cosine (P, K) for the points of the view."""
+        occluder = occluder_of(scene)
+        if self.visibility != "spherical_harmonics" or occluder is None:
+            return None
+        device = str(light.faces.device)
+        u = points_2d(self.visibility_samples).to(device)
+        uniform = spherical(torch.acos(1 - 2 * u[:, 0]), 2 * pi * u[:, 1])
+        d = uniform if self.visibility_directions == "uniform" else luminance_distribution(light).sample(u)[0]
+        fit = fit_visibility(view.points().to(device), occluder, Vec3(*(c.float() for c in d)), self.visibility_order)
+        return PerPoint(smooth(fit, view.mask(), self.visibility_smoothing))
+
+    def shade(
+        self,
+        points: ShadingPoints,
+        material: Material,
+        pyramid: Environment,
+        irradiance: Tensor,
+        scene: Any = None,
+        light_coefficients: Tensor | None = None,
+        visibility_coefficients: PerPoint | None = None,
+    ) -> Tensor:
         """Radiance (P, 3)."""
         reflectance = material.reflectance(points.device)
-        radiance = diffuse_radiance(reflectance, irradiance, points.n)
+        occluder = occluder_of(scene) if self.visibility == "rays" else None
+        u = points_2d(self.samples, self.points, self.seed).to(points.device)
+        level = self._level(self.samples, points.device)
+        hidden: Occluder | PerPoint | None = occluder
+        if light_coefficients is not None and visibility_coefficients is not None:
+            hidden, radiance = visibility_coefficients, torch.zeros(len(points), 3, device=points.device)
+            if reflectance.diffuse:
+                radiance += visibility_coefficients.values @ light_coefficients * torch.stack(reflectance.diffuse_f())
+        else:
+            radiance = visible_diffuse(points, reflectance, irradiance, occluder, pyramid, u, level)
         for lobe, n in zip(reflectance.lobes, reflectance.share(self.samples), strict=True):
             u = points_2d(n, self.points, self.seed).to(points.device)
             samples = lobe.sample_points(u)
-            extent = log2(self.k) / 2 if self.lod_bias is None else LOD_BIAS[self.lod_bias]
-            level = torch.tensor(extent + self.mip_bias - log2(n) / 2, device=points.device)
+            level = self._level(n, points.device)
             if self.footprint == "isotropic":
-                radiance += over_points(_isotropic, points, n, lobe, samples, pyramid, level) / n
+                radiance += over_points(_isotropic, points, n, lobe, samples, pyramid, level, hidden) / n
             else:
                 stepped = _steps(lobe, u)
                 places = torch.arange(1, 2 * self.probes, 2, device=points.device) / self.probes - 1
-                arguments = (lobe, samples, stepped, pyramid, level, places)
+                arguments = (lobe, samples, stepped, pyramid, level, places, hidden)
                 radiance += over_points(_affine, points, n * self.probes, *arguments) / n
         return radiance
 
+    def _level(self, n: int, device: str) -> Tensor:
+        """log4(K / n) and the bias."""
+        extent = log2(self.k) / 2 if self.lod_bias is None else LOD_BIAS[self.lod_bias]
+        return torch.tensor(extent + self.mip_bias - log2(n) / 2, device=device)
 
-def _isotropic(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Environment, level: Tensor) -> Tensor:
+
+def _isotropic(
+    points: ShadingPoints,
+    lobe: Lobe,
+    samples: Any,
+    pyramid: Environment,
+    level: Tensor,
+    hidden: Occluder | Tensor | None = None,
+) -> Tensor:
     """Sum over samples of one lobe; level = log4(K / N) and the bias."""
     wi, pdf, weight = lobe.sample(points.wo_local(), samples)
     d = to_world(wi, points.t, points.b, points.n)
     lod = level + 0.5 * (pyramid.log2_texels_per_sr(d) - torch.log2(pdf))
-    return weighted_radiance(pyramid, d, lod, weight)
+    return weighted_radiance(pyramid, d, lod, _attenuated(weight, points, d, wi, hidden))
+
+
+def _attenuated(
+    weight: Channels, points: ShadingPoints, d: Vec3, wi: Vec3, hidden: Occluder | Tensor | None
+) -> Channels:
+    """The weights times the visibility: by a ray each, by the coefficients of each point, or 1."""
+    if isinstance(hidden, Tensor):
+        V = visibility_at(hidden, d, wi.z)
+        return tuple(w * V for w in weight)
+    return unhidden(weight, points, d, hidden)
 
 
 class Stepped(NamedTuple):
@@ -139,10 +218,12 @@ def _affine(
     pyramid: Environment,
     level: Tensor,
     places: Tensor,
+    hidden: Occluder | Tensor | None = None,
 ) -> Tensor:
     """Sum over samples of one lobe; places of the probes along the major axis, in half axes."""
     wo = points.wo_local()
     wi, _, weight = lobe.sample(wo, samples)
+    weight = _attenuated(weight, points, to_world(wi, points.t, points.b, points.n), wi, hidden)
     side = torch.exp2(level) / STEP
     a, b = (
         scale(Vec3(end.x - wi.x, end.y - wi.y, end.z - wi.z), side)

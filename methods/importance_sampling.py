@@ -1,6 +1,6 @@
 """Importance sampling of the BRDF without a filter: what prefiltering is measured against."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 from torch import Tensor
@@ -12,9 +12,10 @@ from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.pyramid import Environment, finest, weighted_radiance
 from glossbench.fusion import over_points
 from glossbench.options import Seed
-from glossbench.scene.points import ShadingPoints
+from glossbench.scene.points import Occluder, ShadingPoints
 from glossbench.shading import METHODS, Contract, Method, stage
-from glossbench.stages import diffuse_radiance, irradiance
+from glossbench.stages import irradiance
+from glossbench.visibility import occluder_of, unhidden, visible_diffuse
 
 
 @METHODS.register("importance_sampling")
@@ -26,6 +27,7 @@ class ImportanceSampling(Method):
 
     Attributes:
         samples: N, shared by the lobes.
+        visibility: "rays": a shadow ray a sample where the scene hides light, and the diffuse part by N samples more.
         points: N points of the unit square.
         seed: of random points.
 
@@ -33,6 +35,7 @@ class ImportanceSampling(Method):
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 20)] = 40
+    visibility: Literal["none", "rays"] = "none"
     points: PointSet = "hammersley"
     seed: Seed = 0
 
@@ -50,17 +53,22 @@ class ImportanceSampling(Method):
         """The light with borders, for a bilinear lookup."""
         return finest(light)
 
-    def shade(self, points: ShadingPoints, material: Material, texels: Environment, irradiance: Tensor) -> Tensor:
+    def shade(
+        self, points: ShadingPoints, material: Material, texels: Environment, irradiance: Tensor, scene: Any = None
+    ) -> Tensor:
         """Radiance (P, 3)."""
         reflectance = material.reflectance(points.device)
-        radiance = diffuse_radiance(reflectance, irradiance, points.n)
+        occluder = occluder_of(scene) if self.visibility == "rays" else None
+        u = points_2d(self.samples, self.points, self.seed).to(points.device)
+        radiance = visible_diffuse(points, reflectance, irradiance, occluder, texels, u)
         for lobe, n in zip(reflectance.lobes, reflectance.share(self.samples), strict=True):
             samples = lobe.sample_points(points_2d(n, self.points, self.seed).to(points.device))
-            radiance += over_points(_kernel, points, n, lobe, samples, texels) / n
+            radiance += over_points(_kernel, points, n, lobe, samples, texels, occluder) / n
         return radiance
 
 
-def _kernel(points: ShadingPoints, lobe: Lobe, samples: Any, texels: Environment) -> Tensor:
+def _kernel(points: ShadingPoints, lobe: Lobe, samples: Any, texels: Environment, occluder: Occluder | None) -> Tensor:
     """Sum over samples of one lobe."""
     wi, _, weight = lobe.sample(points.wo_local(), samples)
-    return weighted_radiance(texels, to_world(wi, points.t, points.b, points.n), None, weight)
+    d = to_world(wi, points.t, points.b, points.n)
+    return weighted_radiance(texels, d, None, unhidden(weight, points, d, occluder))

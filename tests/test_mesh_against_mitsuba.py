@@ -86,7 +86,7 @@ def test_reference_of_a_mesh_is_the_image_of_mitsuba(shape, camera, material, li
 
 
 def no_shadow_rays(monkeypatch):
-    monkeypatch.setattr(ground_truth, "_unhidden", lambda weight, points, d, occluder: weight)
+    monkeypatch.setattr(ground_truth, "unhidden", lambda weight, points, d, occluder: weight)
 
 
 def an_offset_too_big(monkeypatch):

@@ -331,7 +331,7 @@ def test_eq_5_over_all_maps_is_the_one_lookup_of_the_filtered_environment():
     light, material = random_light(32), gb.material("phong", s=12, kd=[0.2, 0.3, 0.1], ks=0.6)
     together, summed = (
         shade(gb.method("partial_environment_maps", visibility=v, regions=24), light, material, VIEW, time_it=False)
-        for v in ("none", "ones")
+        for v in ("none", "shadow_maps")
     )
 
     # Measured 4e-7.

@@ -249,7 +249,7 @@ def test_a_square_hides_its_form_factor():
 
 @pytest.mark.parametrize("fault", ["no shadow rays", "in the light's technique only", "in the surface's only", "moved"])
 def test_disc_notices(fault, monkeypatch):
-    right = ground_truth._unhidden
+    right = ground_truth.unhidden
 
     def wrong(weight, points, d, occluder):
         of_light = d.x.shape[0] == 1
@@ -263,7 +263,7 @@ def test_disc_notices(fault, monkeypatch):
         vars(points)["position"] = shifted
         return right(weight, points, d, occluder)
 
-    monkeypatch.setattr(ground_truth, "_unhidden", moved if fault == "moved" else wrong)
+    monkeypatch.setattr(ground_truth, "unhidden", moved if fault == "moved" else wrong)
     view, expected = under_disc()
 
     radiance, standard_error = image(view)
@@ -345,7 +345,7 @@ def test_a_convex_mesh_is_lit_as_if_nothing_were_hidden(tmp_path, monkeypatch):
     light, material = lights()["rough"], MATERIALS["ggx_diffuse"].material()
 
     shadowed = compute_reference(light, material, view, relative_error=2e-2)
-    monkeypatch.setattr(ground_truth, "_unhidden", lambda weight, points, d, occluder: weight)
+    monkeypatch.setattr(ground_truth, "unhidden", lambda weight, points, d, occluder: weight)
     plain = compute_reference(light, material, view, relative_error=2e-2)
 
     # The same samples. Measured 2e-4: light between the horizons of n and of the triangle.
