@@ -31,10 +31,17 @@ def _ordered(bounds: tuple[float | None, float | None]) -> tuple[float | None, f
     return bounds
 
 
+def _one_method(side: str | dict[str, Any]) -> str | dict[str, Any]:
+    if isinstance(side, dict) and (len(side.keys() - set(PLACES)) != 1 or not isinstance(side[method_of(side)], dict)):
+        raise ValueError("must be a method, or {method: {option: value}}, beside it light, material or view at most")
+    return side
+
+
 Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_ordered), BeforeValidator(_tuple)]
 Name = Annotated[str, Field(min_length=1)]
-# A method, or {method: {option: value, ...}} for those of its cells that have these values.
-Side = Name | Annotated[dict[Name, dict[str, Any]], Field(min_length=1, max_length=1)]
+# A method; or {method: {option: value, ...}} for those of its cells that have these values, and beside the method a
+# light, material or view, stated as in `where`, for those that are of it.
+Side = Annotated[str | dict[Name, Any], AfterValidator(_one_method)]
 Names = Annotated[list[Name], BeforeValidator(_listed, json_schema_input_type=Name | list[Name])]
 
 
@@ -54,7 +61,10 @@ class _Claim(BaseModel):
 
 
 class LowerClaim(_Claim):
-    """|metric| of one side is below that of another, for every light, material, view and pairing option."""
+    """|metric| of one side is below that of another, for every light, material, view and pairing option.
+
+    A light, material or view that a side states does not pair: so two of them are compared with each other.
+    """
 
     kind: ClassVar[str] = "lower"
     lower: Side
@@ -118,12 +128,17 @@ def sides_of(claim: Claim) -> dict[tuple[str | int, ...], Side]:
 
 def method_of(side: Side) -> str:
     """The method of a side."""
-    return side if isinstance(side, str) else next(iter(side))
+    return side if isinstance(side, str) else next(key for key in side if key not in PLACES)
 
 
 def options_of(side: Side) -> dict[str, Any]:
     """The values of options that a side asks for."""
-    return {} if isinstance(side, str) else next(iter(side.values()))
+    return {} if isinstance(side, str) else side[method_of(side)]
+
+
+def places_of(side: Side) -> dict[str, Any]:
+    """The light, material and view that a side asks for, as far as it does."""
+    return {} if isinstance(side, str) else {key: value for key, value in side.items() if key in PLACES}
 
 
 def methods_of(claim: Claim) -> set[str]:
@@ -153,6 +168,9 @@ def unknown_name(
             if option not in methods[name]:
                 where = (*path, name, option)
                 return where, f"no option {option!r} of {name} in this study{nearest(option, methods[name])}"
+        for place, value in places_of(side).items():
+            if problem := _unknown_place(place, value, places):
+                return (*path, place), problem
     options = [set(methods[method_of(side)]) for side in sides.values()]
     shared = set.intersection(*options)
     wanted: list[tuple[str, str, str, Collection[str]]] = []  # key, what, name, known
@@ -174,10 +192,17 @@ def unknown_name(
         if key not in restrictable:
             text = f"no option {key!r} of its methods or materials{nearest(key, restrictable)}"
             return ("where", key), text
-        for one in _listed(value):
-            name = next(iter(one), "") if isinstance(one, dict) else one
-            if key in places and name not in places[key]:
-                return ("where", key), f"no {key} {name!r} in this study{nearest(str(name), places[key])}"
+        if problem := _unknown_place(key, value, places):
+            return ("where", key), problem
+    return None
+
+
+def _unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
+    """The message for the first light, material or view that a study does not have."""
+    for one in _listed(value):
+        name = next(iter(one), "") if isinstance(one, dict) else one
+        if place in places and name not in places[place]:
+            return f"no {place} {name!r} in this study{nearest(str(name), places[place])}"
     return None
 
 

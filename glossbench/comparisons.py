@@ -36,11 +36,15 @@ def noise_of(a: Mapping[str, Any], b: Mapping[str, Any], column: str) -> float:
     """RMS of the reference's standard error in the unit of a column; zero where it does not enter."""
     # The largest of many errors moves with the largest standard error, not with their mean.
     source = "reference_peak_noise" if column == "max_error" else "reference_noise"
-    noise = max(finite(row.get(source, row.get("reference_noise"))) or 0.0 for row in (a, b))
-    if column.startswith("relative_"):
-        mean = finite(a.get("reference_mean")) or 0.0
-        return noise / mean if mean > 0 else 0.0
-    return noise if column in METRICS.names() and METRICS.get(column).unit == "radiance" else 0.0
+    relative = column.startswith("relative_")
+    if not relative and not (column in METRICS.names() and METRICS.get(column).unit == "radiance"):
+        return 0.0
+    noises = []
+    for row in (a, b):
+        noise = finite(row.get(source, row.get("reference_noise"))) or 0.0
+        mean = finite(row.get("reference_mean")) or 0.0
+        noises.append(noise if not relative else noise / mean if mean > 0 else 0.0)
+    return max(noises)
 
 
 def verdict_on(holds: bool, distances: Iterable[float], noise: float) -> str:

@@ -18,6 +18,7 @@ from glossbench.claims import (
     method_of,
     methods_of,
     options_of,
+    places_of,
     sides_of,
     unknown_name,
     within,
@@ -269,11 +270,13 @@ def _check_where(document: Document, study: Study, any_light: bool) -> None:
             name = method_of(side)
             wanted = {("claims", i, "where") if where else ("claims", i): where,
                       ("claims", i, *at, name): options_of(side)}  # fmt: skip
+            wanted |= {("claims", i, *at, place): {place: value} for place, value in places_of(side).items()
+                       if not (any_light and place == "light")}  # fmt: skip
             if any(all(within(row, w, of_methods) for w in wanted.values()) for row in rows[name]):
                 continue
             alone = (path for path, w in wanted.items() if not any(within(row, w, of_methods) for row in rows[name]))
             path: KeyPath = next(alone, ("claims", i))
-            held = _values(rows[name], wanted.get(path, {**where, **options_of(side)}))
+            held = _values(rows[name], wanted.get(path, {**where, **options_of(side), **places_of(side)}))
             raise document.error(path, f"{path_text(path)} fits no cell of {name}{held}")
 
 

@@ -21,6 +21,7 @@ from glossbench.claims import (
     method_of,
     methods_of,
     options_of,
+    places_of,
     sides_of,
     within,
 )
@@ -115,6 +116,8 @@ class _Table:
         for row in self.rows:
             if row["method"] != method_of(side) or not within(row, claim.where, of_methods):
                 continue
+            if not within(row, places_of(side), of_methods):
+                continue
             if not all(agrees(wanted, row["options"].get(key)) for key, wanted in options_of(side).items()):
                 continue
             if row["status"] != "done":
@@ -130,26 +133,29 @@ class _Table:
     def _pairs(
         self, claim: LowerClaim | RatioClaim, picked: list[list[Row]], notes: Counter[str]
     ) -> Iterator[tuple[Row, Row, str]]:
-        """Cells of both methods on one light, material and view, with equal values of the pairing options."""
+        """Cells of both sides on one light, material and view, what a side states aside, at equal pairing options."""
         first, second = picked
         shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in picked))
         apart = {key for side in sides_of(claim).values() for key in options_of(side)}
         usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared - apart]
         keys = claim.paired_by or usual
         varying = [_varying(row["options"] for row in rows) for rows in picked]
+        stated = {place for side in sides_of(claim).values() for place in places_of(side)}
+        places = [place for place in PLACES if place not in stated]
         partners: dict[str, list[Row]] = {}
         for b in second:
-            partners.setdefault(_key(b, keys), []).append(b)
+            partners.setdefault(_key(b, keys, places), []).append(b)
         for a in first:
-            found = partners.get(_key(a, keys), [])
+            found = partners.get(_key(a, keys, places), [])
             notes["cells without a partner"] += not found
             for b in found:
                 sides = zip((a, b), varying, strict=True)
                 own = [_shown(row, [key for key in differing if key not in keys]) for row, differing in sides]
+                own = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), own, strict=True)]
                 if a.get("n_samples") != b.get("n_samples"):  # a pattern may not meet the budget
                     own = [f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(own, (a, b), strict=True)]
                 against = " against ".join(own) if any(own) else ""
-                yield a, b, _listed([self._place(a), _shown(a, keys), against])
+                yield a, b, _listed([self._place(a, places), _shown(a, keys), against])
 
     def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
         places: dict[str, list[Row]] = {}
@@ -173,9 +179,9 @@ class _Table:
                 where = _listed([self._place(group[0]), own])
                 yield Case(where, slope, None, list(claim.between), 0.0, verdict, slope)
 
-    def _place(self, row: Row) -> str:
+    def _place(self, row: Row, places: Collection[str] = PLACES) -> str:
         parts = []
-        for place in PLACES:
+        for place in (place for place in PLACES if place in places):
             options = row[f"{place}_options"]
             name = PurePath(options["file"]).name if row[place] == "file" else row[place]
             telling = [key for key in self._varying[place].get(row[place], []) if key != "file"]
@@ -184,8 +190,8 @@ class _Table:
 
 
 def _spelled(side: Side) -> str:
-    options = " ".join(f"{key}={value}" for key, value in options_of(side).items())
-    return f"{method_of(side)} ({options})" if options else method_of(side)
+    told = " ".join(f"{key}={value}" for key, value in (options_of(side) | places_of(side)).items())
+    return f"{method_of(side)} ({told})" if told else method_of(side)
 
 
 def _listed(parts: list[str]) -> str:
@@ -205,10 +211,10 @@ def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
     return [key for key, values in seen.items() if len(values) > 1]
 
 
-def _key(row: Row, options: Collection[str]) -> str:
+def _key(row: Row, options: Collection[str], places: Collection[str] = PLACES) -> str:
     """What a cell is about, and some of its method's options, as text."""
-    places = [(row[place], row[f"{place}_options"]) for place in PLACES]
-    return json.dumps([places, [row["options"].get(key) for key in options]], sort_keys=True)
+    about = [(row[place], row[f"{place}_options"]) for place in places]
+    return json.dumps([about, [row["options"].get(key) for key in options]], sort_keys=True)
 
 
 def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:

@@ -228,6 +228,35 @@ def test_sides_compare_one_method_with_itself():
     assert "rms of a (k=4) over a (k=1)" in judgement["summary"]
 
 
+def test_a_side_that_states_a_view_is_compared_with_another_view():
+    rows = [
+        cell("a", view=view, view_options={"shape": shape} if shape else {"resolution": 64}, light=light, rms=rms)
+        for light, errors in (("spots", (0.1, 0.3, 0.2)), ("sky", (0.3, 0.2, 0.4)))
+        for (view, shape), rms in zip((("sphere", ""), ("mesh", "knot"), ("mesh", "cloth")), errors, strict=True)
+    ]
+
+    claim = {"lower": {"a": {}, "view": "sphere"}, "than": {"a": {}, "view": {"mesh": {"shape": "knot"}}}}
+    judgement = verdict_on({**claim, "metric": "rms"}, *rows)
+
+    assert [(n["a"], n["b"], n["verdict"]) for n in judgement["numbers"]] == [
+        (0.1, 0.3, "holds"),
+        (0.3, 0.2, "does not hold"),
+    ]
+    assert judgement["numbers"][0]["where"].startswith("spots, kurt, samples=14, sphere against mesh shape=knot")
+
+
+def test_relative_noise_is_that_of_the_noisier_reference():
+    rows = [
+        cell("a", view="sphere", relative_rms=0.1, reference_noise=0.01, reference_mean=1.0),
+        cell("a", view="mesh", relative_rms=0.2, reference_noise=0.01, reference_mean=0.1),
+    ]
+
+    claim = {"lower": {"a": {}, "view": "sphere"}, "than": {"a": {}, "view": "mesh"}, "metric": "relative_rms"}
+    judgement = verdict_on(claim, *rows)
+
+    assert (judgement["verdict"], judgement["numbers"][0]["noise"]) == ("within noise", pytest.approx(0.1))
+
+
 @pytest.mark.parametrize(("of", "value"), [("stage_seconds.pyramid", 0.2), ("update_seconds.light", 0.4)])
 def test_a_claim_may_be_about_one_stage_or_one_update(of, value):
     row = cell("a", stage_seconds={"pyramid": 0.2, "pdf": 0.3}, update_seconds={"light": 0.4, "view": 0.0})

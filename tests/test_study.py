@@ -772,6 +772,14 @@ WRONG = [
     ),
     (a_study(claims="[{text: A, lower: sampler, metric: rms}]"), "6:10: claims[0]: key 'than' is required"),
     (
+        a_study(claims="[{text: A, lower: {sampler: {}, light: glo}, than: sampler, metric: rms}]"),
+        "6:48: claims[0].lower.light: no light 'glo' in this study; did you mean 'glow'?",
+    ),
+    (
+        a_study(claims="[{text: A, lower: {light: glow}, than: sampler, metric: rms}]"),
+        "6:27: claims[0].lower must be a method, or {method: {option: value}}, beside it light, material or view at",
+    ),
+    (
         a_study(claims="[{text: A, lower: sampler, than: sampler, metric: rsm}]"),
         "6:59: claims[0].metric: no metric 'rsm' in this study; did you mean 'rms'?",
     ),
