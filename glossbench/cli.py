@@ -15,7 +15,7 @@ from glossbench.commands import completion, data
 from glossbench.commands.info import info
 from glossbench.commands.light import light as describe_light
 from glossbench.errors import InputError
-from glossbench.printing import err, out, print_table, print_verdicts, say, warn_of_noise
+from glossbench.printing import err, out, print_notes, print_table, print_verdicts, say, warn_of_noise
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -114,6 +114,7 @@ def run(
         raise typer.Exit(130) from None
     print_table(results.cells, list(loaded.metrics))
     warn_of_noise(results.cells)
+    print_notes(results.cells)
     print_verdicts(results.claims)
     for page in pages:
         say(f"report: {page}")

@@ -73,6 +73,10 @@ class Options:
         """Text that changes whenever what the options mean may change: of a file, its bytes rather than its name."""
         return f"{self.name}:{json.dumps(self.as_dict(), sort_keys=True)}"
 
+    def notes(self) -> tuple[str, ...]:
+        """What whoever reads its numbers must know, a sentence each: what a file had repaired, how good a fit is."""
+        return ()
+
 
 def option_names(cls: type[Options]) -> tuple[str, ...]:
     """Names of the options of a class, in the order of its source."""

@@ -72,6 +72,12 @@ def print_verdicts(claims: list[dict[str, Any]]) -> None:
     out.print()
 
 
+def print_notes(cells: "pandas.DataFrame") -> None:
+    """What was repaired or fitted, a line each, once."""
+    for note in dict.fromkeys(note for notes in cells["notes"] for note in json.loads(notes)):
+        err.print(f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+
+
 def warn_of_noise(cells: "pandas.DataFrame") -> None:
     """One line if references stopped at their largest number of samples before they met the noise asked for."""
     references = cells.drop_duplicates("reference_key")

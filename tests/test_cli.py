@@ -76,6 +76,17 @@ def call(monkeypatch, capsys):
     return called
 
 
+def test_a_run_says_what_of_a_mesh_was_repaired(call, here):
+    corners = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\n"
+    Path("quad.obj").write_text(corners + "f 1 2 3\nf 1 3 4\nf 1 1 2\n")
+    study = STUDY | {"view": {"mesh": {"shape": "quad.obj", "resolution": 4, "azimuth": 0, "elevation": 0}}}
+    Path("quad.yaml").write_text(yaml.safe_dump(study))
+
+    called = call("run", "quad.yaml")
+
+    assert called.err.count("note: mesh quad.obj: left out 1 of 3 faces, which have no area") == 1
+
+
 def written(**changes: Any) -> str:
     Path("other.yaml").write_text(yaml.safe_dump(STUDY | changes))
     return "other.yaml"

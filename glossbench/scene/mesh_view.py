@@ -78,6 +78,10 @@ class MeshView(View):
         camera = {k: v for k, v in self.as_dict().items() if k != "shape"}
         return f"mesh:{meaning_of(self.shape)}:{json.dumps(camera, sort_keys=True)}"
 
+    def notes(self) -> tuple[str, ...]:
+        """What of the mesh was repaired."""
+        return tuple(f"mesh {self.shape}: {repair}" for repair in self._mesh.repairs)
+
     @cached_property
     def _mesh(self) -> Mesh:
         return mesh_named(self.shape)
