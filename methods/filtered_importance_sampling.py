@@ -56,7 +56,7 @@ class FilteredImportanceSampling(Method):
         mip_filter: of the pyramid.
         projection: of the light: the paper's dual paraboloid, or a cube with seamless edges.
         footprint: of the filter, isotropic (section 4.2, eq. 12 and 13) or the affine one that its end reports on.
-        probes: lookups of an affine footprint.
+        probes: lookups of an affine footprint; an isotropic one has one, whatever is stated.
         visibility: where the scene hides light. "spherical_harmonics": the paper's, shadow tests in a few directions,
             the same for all points; at each point spherical harmonics are fitted to visibility times cosine, which make
             the diffuse part a scalar product with the light's, and over cos_i, in [0, 1], attenuate every filtered

@@ -9,6 +9,8 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 from PIL import Image
 
+from glossbench.srgb import encoded
+
 Floats = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
@@ -39,8 +41,7 @@ def picture(radiance: Floats, mask: Mask, exposure: float) -> bytes:
     """PNG of radiance times exposure through the sRGB curve, clipped at white; transparent off the mask."""
     linear, share = downscaled(radiance, mask)
     linear = np.clip(linear * exposure, 0, 1)
-    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    rgba = np.round(255 * np.dstack([curve, np.clip(share, 0, 1)])).astype(np.uint8)
+    rgba = np.round(255 * np.dstack([encoded(linear), np.clip(share, 0, 1)])).astype(np.uint8)
     return _png(Image.fromarray(rgba))
 
 

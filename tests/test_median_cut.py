@@ -123,18 +123,18 @@ def test_regions_are_described_by_their_own_sums():
 
     partition = median_cut(light, 30)
 
-    assert float(partition.solid_angle.sum()) == pytest.approx(4 * pi, rel=1e-6)
+    assert float(partition.solid_angle.sum()) == pytest.approx(4 * pi, rel=2.5e-7)  # measured 4.8e-8
     for region in range(30):
         inside = partition.index.numpy() == region
         assert float(partition.solid_angle[region]) == pytest.approx(
-            solid_angle[inside].sum(), rel=1e-4
+            solid_angle[inside].sum(), rel=4.5e-5
         )  # measured 9e-6
         power = (light.faces.double().numpy() * solid_angle[..., None])[inside].sum(0)
-        np.testing.assert_allclose(partition.power[region], power, rtol=1e-4)  # measured 1e-5
+        np.testing.assert_allclose(partition.power[region], power, rtol=5e-5)  # measured 1.1e-5
         centroid = (d * (luminance * solid_angle)[..., None])[inside].sum(0)
-        # Measured 2e-6.
+        # Measured 1.7e-6.
         np.testing.assert_allclose(
-            stack(Vec3(*(c[region] for c in partition.direction))), centroid / np.linalg.norm(centroid), atol=2e-5
+            stack(Vec3(*(c[region] for c in partition.direction))), centroid / np.linalg.norm(centroid), atol=8e-6
         )
 
 
@@ -145,7 +145,7 @@ def test_the_whole_light_is_one_region_of_all_power():
 
     assert len(partition) == 1
     assert not partition.index.any()
-    np.testing.assert_allclose(partition.power[0], light.mean() * 4 * pi, rtol=1e-6)
+    np.testing.assert_allclose(partition.power[0], light.mean() * 4 * pi, rtol=1.5e-7)  # measured 2.9e-8
 
 
 @pytest.mark.parametrize("n_regions", [0, 5, 6 * 16 + 1])

@@ -62,8 +62,8 @@ def check_disc(visible, points, doubt):
     clear = np.abs(edge) > doubt
     assert clear.mean() > 0.9
     assert 0.05 < (edge < 0).mean() < 0.3
-    # Measured 5e-5: the least variance, of half a texel, against a gap of 1.
-    np.testing.assert_allclose(visible.numpy()[clear], (edge > 0)[clear], atol=2e-4)
+    # Measured 2.4e-5: the least variance, of half a texel, against a gap of 1.
+    np.testing.assert_allclose(visible.numpy()[clear], (edge > 0)[clear], atol=1e-4)
 
 
 def maps_of(mesh, resolution=256, distance=0.0, bleeding=0.0):
@@ -130,7 +130,7 @@ def half_plane_over_plane():
 
 def check_penumbra(visible, x, deviation):
     expected = [(1 + erf(v / deviation / sqrt(2))) / 2 for v in x]
-    # Measured 4e-3, half a texel in a penumbra of 8.
+    # Measured 4.7e-3.
     np.testing.assert_allclose(visible[:, 0], expected, atol=0.01)
 
 
@@ -178,7 +178,7 @@ def test_light_bleeding_darkens_what_is_below_it_and_leaves_what_is_lit():
 
     darkened = maps_of(mesh, distance=0.5, bleeding=0.25).visible(points)
 
-    torch.testing.assert_close(darkened, ((plain - 0.25) / 0.75).clamp(min=0), rtol=0, atol=1e-6)
+    torch.testing.assert_close(darkened, ((plain - 0.25) / 0.75).clamp(min=0), rtol=0, atol=1e-7)  # measured 0
     assert ((plain > 0.01) & (plain < 0.25)).float().mean() > 0.02
 
 
@@ -190,8 +190,9 @@ def test_a_ball_lies_in_no_shadow_where_it_faces_the_light():
 
     visible = maps_of(mesh, distance=0.0).visible(points).numpy()
 
-    assert (visible[cosine > 0.3] > 0.99).all()
-    assert (visible[cosine < -0.3] < 0.01).all()
+    # Measured 1 and 4.8e-4.
+    assert (visible[cosine > 0.3] == 1).all()
+    assert (visible[cosine < -0.3] < 2e-3).all()
 
 
 # What asks for shadows
@@ -262,7 +263,8 @@ def test_under_one_lit_texel_the_shadow_of_a_disc_is_black_and_the_rest_as_witho
     edge = np.linalg.norm(crossing - CENTRE, axis=1) - RADIUS
     clear = np.abs(edge) > TEXEL
     expected = torch.tensor(edge > 0)[:, None] * plain
-    torch.testing.assert_close(hidden[clear], expected[clear].float(), rtol=1e-3, atol=1e-3 * float(plain.max()))
+    # Measured 2.4e-5 of the brightest.
+    torch.testing.assert_close(hidden[clear], expected[clear].float(), rtol=0, atol=1e-4 * float(plain.max()))
     assert float(plain.min()) > 0
     assert 0.05 < (edge < 0).mean() < 0.3
 
@@ -279,8 +281,8 @@ def test_shadows_bring_partial_maps_nearer_to_the_truth():
         for v in ("none", "shadow_maps", "rays")
     }
 
-    # Measured 0.58, 0.34 and 0.25; what is left is the lobe's shape.
-    assert error["shadow_maps"] < 0.65 * error["none"]
+    # Measured 0.58, 0.31 and 0.25; what is left is the lobe's shape.
+    assert error["shadow_maps"] < 0.6 * error["none"]
     assert error["rays"] < 0.5 * error["none"]
 
 
@@ -298,8 +300,8 @@ def check_many_lights(method, light, view, material):
         free = view.scene().visible(points.position, points.ng, d)
         cosine = (n @ torch.stack([c[0] for c in d]).double()).clamp(min=0)
         expected += (free * cosine)[:, None] * lights.power[k].double() * 0.5 / pi
-    # Measured 3e-6.
-    torch.testing.assert_close(image.radiance[image.mask].double(), expected, rtol=2e-5, atol=1e-6)
+    # Measured 1.7e-7.
+    torch.testing.assert_close(image.radiance[image.mask].double(), expected, rtol=8e-7, atol=0)
 
 
 def test_a_diffuse_bowl_under_many_lights_is_their_sum():
@@ -334,5 +336,6 @@ def test_many_lights_come_to_the_reference_as_they_grow():
         for n in (24, 1536)
     )
 
-    assert many < 0.25 * few
-    assert many < 0.05
+    # Measured 0.198 and 0.016.
+    assert many < 0.12 * few
+    assert many < 0.025

@@ -70,7 +70,7 @@ def test_what_nothing_hides_is_the_clamped_cosine(n):
 
     c = fit_visibility(point(n), Open(), uniform(1 << 14), 4)[0].numpy()
 
-    np.testing.assert_allclose(c, expected, atol=5e-5)  # measured 8e-6
+    np.testing.assert_allclose(c, expected, atol=4e-5)  # measured 8.1e-6
 
 
 HALF = np.array([pi / 2 / sqrt(4 * pi), 0, sqrt(3 / (4 * pi)) * pi / 3, sqrt(3 / (4 * pi)) * 2 / 3])
@@ -92,7 +92,7 @@ def test_a_wall_is_that_half_space():
 
     c = fit_visibility(points, make_mesh(wall, [[0, 1, 2], [0, 2, 3]]), uniform(1 << 14), 4)[0, :4].numpy()
 
-    np.testing.assert_allclose(c, HALF, atol=5e-4)
+    np.testing.assert_allclose(c, HALF, atol=5e-4)  # measured 3.8e-4
 
 
 RIGHT = harmonics.unhidden
@@ -124,9 +124,9 @@ def test_coefficients_are_those_of_least_squares(n_directions, crowded):
 
     c = fit_visibility(point(), HalfOpen(), Vec3(*torch.from_numpy(d.T.copy())), 4)[0].numpy()
 
-    # Singular values of B are roots of those of its Gram matrix.
+    # Singular values of B are roots of those of its Gram matrix. Measured 1.9e-6.
     expected = np.linalg.lstsq(Y(4, d.astype(np.float64)), v, rcond=sqrt(harmonics.LEAST_EIGENVALUE))[0]
-    np.testing.assert_allclose(c, expected, atol=1e-4)
+    np.testing.assert_allclose(c, expected, atol=1e-5)
 
 
 def test_visibility_of_an_open_point_is_one_but_for_the_lost_bands():
@@ -136,9 +136,9 @@ def test_visibility_of_an_open_point_is_one_but_for_the_lost_bands():
 
     V = visibility_at(c, Vec3(*(x[None] for x in d)), d.z[None])[0].numpy()
 
-    # Bands 0 to 2 of the clamped cosine, 1/4 + cos / 2 + 5 / 32 (3 cos^2 - 1), over cos.
+    # Bands 0 to 2 of the clamped cosine, 1/4 + cos / 2 + 5 / 32 (3 cos^2 - 1), over cos. Measured 1.7e-6.
     cosine = np.cos(theta.numpy())
-    np.testing.assert_allclose(V, np.clip((3 / 32 + cosine / 2 + 15 / 32 * cosine**2) / cosine, 0, 1), atol=2e-3)
+    np.testing.assert_allclose(V, np.clip((3 / 32 + cosine / 2 + 15 / 32 * cosine**2) / cosine, 0, 1), atol=8e-6)
     assert V.min() > 0.9
 
 
@@ -161,7 +161,7 @@ def test_smoothing_leaves_a_constant_as_it_is_up_to_the_outline():
 
     smoothed = smooth(torch.full((int(mask.sum()), 4), 2.5), mask, 2.0)
 
-    torch.testing.assert_close(smoothed, torch.full_like(smoothed, 2.5))
+    torch.testing.assert_close(smoothed, torch.full_like(smoothed, 2.5), rtol=5e-7, atol=0)  # measured 9.5e-8
 
 
 def test_smoothing_spreads_one_pixel_as_a_gaussian():
@@ -174,7 +174,7 @@ def test_smoothing_spreads_one_pixel_as_a_gaussian():
     total = sum(exp(-(x * x) / 4.5) for x in reach)
     for x, y in ((0, 0), (1, 0), (2, 3), (5, -5), (6, 0)):
         expected = exp(-(x * x + y * y) / 4.5) / total**2 if max(abs(x), abs(y)) <= 5 else 0.0
-        assert float(smoothed[15 + y, 15 + x]) == pytest.approx(expected, abs=1e-7)
+        assert float(smoothed[15 + y, 15 + x]) == pytest.approx(expected, abs=3e-8)  # measured 5.8e-9
 
 
 def test_no_smoothing_changes_nothing():
@@ -209,7 +209,7 @@ def test_of_a_constant_sky_half_is_seen():
 
     image = shade(method(**options), light, material, Beside(), time_it=False)
 
-    np.testing.assert_allclose(image.radiance[0, 0].numpy(), [0.8, 0.5, 0.2], rtol=1e-3)
+    np.testing.assert_allclose(image.radiance[0, 0].numpy(), [0.8, 0.5, 0.2], rtol=3e-4)  # measured 6.2e-5
 
 
 @cache
@@ -256,7 +256,7 @@ def test_chunks_take_their_own_points_coefficients(monkeypatch):
 
     chunked = shade(method(), light, material, view, time_it=False).radiance
 
-    torch.testing.assert_close(chunked, whole, rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(chunked, whole, rtol=2e-7, atol=0)  # measured 0
 
 
 @pytest.mark.parametrize("footprint", ["isotropic", "affine"])

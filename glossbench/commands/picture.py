@@ -1,19 +1,18 @@
 """A picture of a light: tone mapped, for a terminal or as a PNG."""
 
-import os
-from io import BytesIO
 from pathlib import Path
-from uuid import uuid4
 
 import torch
 from rich.text import Text
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
+from glossbench.atomic import replacing
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LUMINANCE
 from glossbench.envmap.projections import from_cubemap
 from glossbench.errors import InputError
+from glossbench.srgb import encoded
 
 
 def picture(cubemap: CubeMap, height: int) -> Tensor:
@@ -34,8 +33,7 @@ def tone_mapped(radiance: Tensor) -> Tensor:
     lit = luminance[luminance > 0]
     exposed = radiance.double() * (0.18 / lit.log().mean().exp() if len(lit) else 0.0)
     linear = (exposed / (1 + exposed @ torch.tensor(LUMINANCE).double())[..., None]).clamp(0, 1)
-    encoded = torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return (255 * encoded).round().to(torch.uint8)
+    return (255 * torch.from_numpy(encoded(linear.cpu().numpy()))).round().to(torch.uint8)
 
 
 def half_blocks(pixels: Tensor) -> Text:
@@ -59,13 +57,5 @@ def write_png(path: Path, pixels: Tensor) -> None:
 
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: the extension must be .png, got {path.suffix!r}")
-    encoded = BytesIO()
-    imsave(encoded, pixels.numpy(), format="png")
-    part = path.with_name(f".{path.name}.{uuid4().hex}.part")
-    try:
-        part.write_bytes(encoded.getvalue())
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
-    finally:
-        part.unlink(missing_ok=True)
+    with replacing(path) as part:
+        imsave(part, pixels.numpy(), format="png")

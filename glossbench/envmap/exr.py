@@ -1,15 +1,14 @@
 """OpenEXR images: scanline or tiled, single- or multi-part, with MIP levels or without, to an array, and back."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
 from torch import Tensor
 
+from glossbench.atomic import replacing
 from glossbench.envmap.refusals import check_size, damaged, last_error
 from glossbench.errors import InputError, nearest
 
@@ -41,7 +40,7 @@ def read_exr(path: Path, layer: str | None = None) -> np.ndarray:
 def write_exr(path: str | Path, image: Tensor, channels: Sequence[str] = ("R", "G", "B")) -> None:
     """Writes an image (H, W, C) as float32 OpenEXR, one name a channel; the same image gives the same bytes.
 
-    The file appears under its name whole or not at all: it is written beside it, then renamed.
+    The file appears under its name whole or not at all.
 
     Raises:
         InputError: a shape that does not fit the channels, another extension, or a folder that cannot be
@@ -56,17 +55,13 @@ def write_exr(path: str | Path, image: Tensor, channels: Sequence[str] = ("R", "
     planes = image.detach().cpu().float().numpy()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     content = {name: np.ascontiguousarray(planes[..., i]) for i, name in enumerate(channels)}
-    part = path.with_name(f".{path.name}.{uuid4().hex}.part")
     try:
-        # The OpenEXR library reports a missing folder in its own words; the system's are clearer.
-        part.touch()
-        OpenEXR.File(header, content).write(str(part))
-        os.replace(part, path)
-    except (OSError, RuntimeError) as error:
-        reason = (isinstance(error, OSError) and error.strerror) or " ".join(str(error).split())
-        raise InputError(f"{path}: cannot be written: {reason}") from None
-    finally:
-        part.unlink(missing_ok=True)
+        with replacing(path) as part:
+            # The OpenEXR library reports a missing folder in its own words; the system's are clearer.
+            part.touch()
+            OpenEXR.File(header, content).write(str(part))
+    except RuntimeError as error:
+        raise InputError(f"{path}: cannot be written: {' '.join(str(error).split())}") from None
 
 
 def _parts(path: Path, source: oiio.ImageInput) -> list[oiio.ImageSpec]:

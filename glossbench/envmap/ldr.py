@@ -10,6 +10,7 @@ from PIL import Image
 
 from glossbench.envmap.refusals import check_size, damaged
 from glossbench.errors import InputError
+from glossbench.srgb import decoded
 
 KIND = "an 8-bit image"
 _8_BIT = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr")
@@ -18,8 +19,7 @@ _OF_DAMAGE = (OSError, SyntaxError, ValueError, EOFError, TypeError, LookupError
 # The library takes an image whose pixels are whole though its end is missing.
 _END = {b"\x89PNG": b"IEND\xaeB`\x82", b"\xff\xd8\xff": b"\xff\xd9"}
 _PIXELS_A_BYTE = 2000  # of a file: no coding of colour packs more, deflate about 350
-_CODED = np.arange(256) / 255
-_LINEAR = np.where(_CODED <= 0.04045, _CODED / 12.92, ((_CODED + 0.055) / 1.055) ** 2.4).astype(np.float32)
+_LINEAR = decoded(np.arange(256) / 255).astype(np.float32)
 
 # What the library logs of a damaged file goes to the screen where nobody listens.
 logging.getLogger("PIL").addHandler(logging.NullHandler())
@@ -28,12 +28,8 @@ logging.getLogger("PIL").addHandler(logging.NullHandler())
 def read_ldr(path: Path) -> np.ndarray:
     """Colour (H, W, 3), float32, in [0, 1], decoded from sRGB; alpha is dropped.
 
-    linear = v / 12.92 up to v = 0.04045, then ((v + 0.055) / 1.055)^2.4.
-
     Raises:
         InputError: damaged, too large, or more than 8 bits a channel.
-
-    Source: IEC 61966-2-1.
     """
     data = path.read_bytes()
     for magic, end in _END.items():

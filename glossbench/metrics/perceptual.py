@@ -9,6 +9,7 @@ from pydantic import Field
 from skimage.metrics import structural_similarity
 
 from glossbench.metrics.metric import METRICS, Floats, Mask, Metric
+from glossbench.srgb import encoded
 
 # ACES(x) = (a x^2 + b x) / (c x^2 + d x + e), the fit of Narkowicz 2015 without its pre-exposure of 0.6.
 A, B, C, D, E = 0.6**2 * 2.51, 0.6 * 0.03, 0.6**2 * 2.43, 0.6 * 0.59, 0.14
@@ -47,8 +48,7 @@ def exposures(y: Floats, mask: Mask) -> Exposures:
 def displayed(image: Floats, stops: float) -> Floats:
     """An image on a display, in [0, 1]: exposed, through the ACES curve and the sRGB curve; below 0 is black."""
     x = np.clip(2**stops * image, 0, 1e6)
-    linear = np.clip((A * x + B) * x / ((C * x + D) * x + E), 0, 1)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return encoded(np.clip((A * x + B) * x / ((C * x + D) * x + E), 0, 1))
 
 
 @METRICS.register("flip")

@@ -64,9 +64,8 @@ def framing(
     right, back = np.array([cos(a), 0.0, -sin(a)]), np.array([sin(a) * cos(e), sin(e), cos(a) * cos(e)])
     axes = np.stack([right, np.cross(back, right), back])
     x, y, z = axes @ vertices.T
-    edges = np.array([max(aspect, 1), max(1 / aspect, 1)]) / (
-        1 + MARGIN
-    )  # of the margin's frame, in half shorter edges
+    # Half edges of what the margin leaves, where the shorter half edge of the image is 1.
+    edges = np.array([max(aspect, 1), max(1 / aspect, 1)]) / (1 + MARGIN)
     if field_of_view is None:
         middle = np.array([(c.max() + c.min()) / 2 for c in (x, y)])
         half = max((c.max() - c.min()) / 2 / edge for c, edge in zip((x, y), edges, strict=True))

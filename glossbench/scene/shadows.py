@@ -63,11 +63,11 @@ class RayShadows:
 class VarianceShadowMaps:
     """N images of height towards the light, m1, and its square, m2, blurred: what lies above a point at height z?
 
-    Above z lies at most the share p = v / (v + (m1 - z)^2) of what the blur covers not, v = m2 - m1^2 (Chebyshev's
-    inequality for one tail): a point below m1 sees p of the light, one that is not sees all of it. An equality for one
-    flat blocker over a flat receiver; where blockers overlap, light bleeds through: what is below `light_bleeding` is
-    taken as dark, (p - b) / (1 - b). Which way a surface faces the maps do not ask: its own other side hides it, where
-    it has one.
+    Of what the blur covers at most the share p = v / (v + (m1 - z)^2) is no higher than z < m1, v = m2 - m1^2
+    (Chebyshev's inequality for one tail): a point below m1 sees p of the light, one that is not sees all of it. An
+    equality for one flat blocker over a flat receiver; where blockers overlap, light bleeds through: what is below
+    `light_bleeding` is taken as dark, (p - b) / (1 - b). Which way a surface faces the maps do not ask: its own other
+    side hides it, where it has one.
 
     Attributes:
         moments: (N, 2, M, M), float32.
