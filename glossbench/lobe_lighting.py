@@ -5,8 +5,8 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from glossbench.brdf.lobe_sum import LobeSum
-from glossbench.brdf.material import Reflectance
+from glossbench.brdf.lobe_sum import LobeSum, fit_lobe_sum, no_lobe_sum
+from glossbench.brdf.material import Material, Reflectance
 from glossbench.directions import reflect
 from glossbench.envmap.lobe_calibration import LobeLevels
 from glossbench.envmap.lobe_pyramid import PartialMaps
@@ -16,6 +16,19 @@ from glossbench.scene.points import ShadingPoints
 from glossbench.scene.shadows import Shadows
 
 Energy = Literal["normal", "albedo"]
+
+
+def no_lobe_sums(material: Material) -> str | None:
+    """Why a lobe of a material is no sum of round lobes about the mirror direction; None where all are."""
+    reasons = (no_lobe_sum(lobe) for lobe in material.reflectance().lobes)
+    return next((reason for reason in reasons if reason), None)
+
+
+def n_lookups(material: Material, lobes: int) -> int:
+    """Lookups of one map: one for each cosine lobe, at most `lobes` a glossy lobe, and the diffuse part."""
+    reflectance = material.reflectance()
+    n_lobes = sum(len(fit_lobe_sum(lobe, lobes).exponents) for lobe in reflectance.lobes)
+    return n_lobes + bool(reflectance.diffuse)
 
 
 def lobe_radiance(

@@ -5,14 +5,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.lobe_sum import LobeSum, fit_lobe_sum, no_lobe_sum
+from glossbench.brdf.lobe_sum import LobeSum
 from glossbench.brdf.material import Material
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LUMINANCE
 from glossbench.envmap.lobe_calibration import LobeLevels, Volume
 from glossbench.envmap.lobe_pyramid import LobeFilter, PartialMaps, build_partial_maps, cube_bytes
 from glossbench.envmap.median_cut import whole
-from glossbench.lobe_lighting import Energy, lobe_radiance
+from glossbench.lobe_lighting import Energy, lobe_radiance, n_lookups, no_lobe_sums
 from glossbench.options import Seed
 from glossbench.scene.openness import openness
 from glossbench.scene.points import ShadingPoints, View
@@ -58,14 +58,11 @@ class AmbientOcclusion(Method):
 
     def supports(self, material: Material, scene: Any) -> str | None:
         """A reason where a lobe is no sum of round lobes about the mirror direction."""
-        reasons = (no_lobe_sum(lobe) for lobe in material.reflectance().lobes)
-        return next((reason for reason in reasons if reason), None)
+        return no_lobe_sums(material)
 
     def n_samples(self, material: Material) -> int:
         """Lookups: one for each cosine lobe and the diffuse part."""
-        reflectance = material.reflectance()
-        n_lobes = sum(len(fit_lobe_sum(lobe, self.lobes).exponents) for lobe in reflectance.lobes)
-        return n_lobes + bool(reflectance.diffuse)
+        return n_lookups(material, self.lobes)
 
     @stage
     def maps(self, light: CubeMap) -> PartialMaps:

@@ -5,13 +5,13 @@ from typing import Annotated, Any
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.lobe_sum import LobeSum, fit_lobe_sum, no_lobe_sum
+from glossbench.brdf.lobe_sum import LobeSum
 from glossbench.brdf.material import Material
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lobe_calibration import LobeLevels, Volume
 from glossbench.envmap.lobe_pyramid import LobeFilter, PartialMaps, Storage, build_partial_maps
 from glossbench.envmap.median_cut import Partition, median_cut, whole
-from glossbench.lobe_lighting import Energy, lobe_radiance
+from glossbench.lobe_lighting import Energy, lobe_radiance, n_lookups, no_lobe_sums
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.shadows import Shadows, Visibility, no_shadows
 from glossbench.shading import METHODS, Contract, Method, stage
@@ -77,15 +77,11 @@ class PartialEnvironmentMaps(Method):
 
     def supports(self, material: Material, scene: Any) -> str | None:
         """A reason where a lobe is no sum of round lobes about the mirror direction, or a scene has no shadow maps."""
-        reasons = (no_lobe_sum(lobe) for lobe in material.reflectance().lobes)
-        return next((reason for reason in reasons if reason), None) or no_shadows(self.visibility, scene)
+        return no_lobe_sums(material) or no_shadows(self.visibility, scene)
 
     def n_samples(self, material: Material) -> int:
         """Lookups: the maps, for each cosine lobe and the diffuse part."""
-        reflectance = material.reflectance()
-        n_lobes = sum(len(fit_lobe_sum(lobe, self.lobes).exponents) for lobe in reflectance.lobes)
-        n_maps = 1 if self.visibility == "none" else self.regions
-        return n_maps * (n_lobes + bool(reflectance.diffuse))
+        return (1 if self.visibility == "none" else self.regions) * n_lookups(material, self.lobes)
 
     @stage
     def partition(self, light: CubeMap) -> Partition:

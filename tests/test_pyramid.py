@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 from scipy import ndimage
+from test_ground_truth import FACES
 
 import glossbench as gb
 from glossbench.directions import Vec3, stack, vec3
@@ -17,18 +18,6 @@ from glossbench.envmap.pyramid import (
     mip_levels,
     weighted_radiance,
 )
-
-# Normal, right-hand side and lower side of each face.
-FRAMES = np.array(
-    [
-        [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
-        [[-1, 0, 0], [0, 0, -1], [0, -1, 0]],
-        [[0, 1, 0], [1, 0, 0], [0, 0, -1]],
-        [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
-        [[0, 0, 1], [-1, 0, 0], [0, -1, 0]],
-        [[0, 0, -1], [1, 0, 0], [0, -1, 0]],
-    ]
-).astype(float)
 
 
 def random_light(resolution, seed=0):
@@ -247,13 +236,13 @@ def padded(faces):
     n = faces.shape[1]
     at = (np.arange(n) * 2 + 1) / n - 1
     t, s = np.meshgrid(at, at, indexing="ij")
-    d = FRAMES[:, None, None, 0] + s[..., None] * FRAMES[:, None, None, 1] + t[..., None] * FRAMES[:, None, None, 2]
+    d = FACES[:, None, None, 0] + s[..., None] * FACES[:, None, None, 1] + t[..., None] * FACES[:, None, None, 2]
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
     flat, colors = d.reshape(-1, 3), faces.reshape(-1, 3)
     out = np.zeros((6, n + 2, n + 2, 3))
     out[:, 1:-1, 1:-1] = faces
     for face in range(6):
-        normal, right, down = FRAMES[face]
+        normal, right, down = FACES[face]
         for index, side, inside in (
             (np.s_[0, 1:-1], -down, np.s_[0, :]),
             (np.s_[-1, 1:-1], down, np.s_[-1, :]),
@@ -276,9 +265,9 @@ def trilinear(faces_of_levels, d, lod):
     lod = np.clip(lod, 0, len(levels) - 1)
     out = np.zeros((len(d), 3))
     for i, direction in enumerate(d):
-        face = np.argmax(FRAMES[:, 0] @ direction)
-        point = direction / (FRAMES[face, 0] @ direction)
-        s, t = FRAMES[face, 1] @ point, FRAMES[face, 2] @ point
+        face = np.argmax(FACES[:, 0] @ direction)
+        point = direction / (FACES[face, 0] @ direction)
+        s, t = FACES[face, 1] @ point, FACES[face, 2] @ point
         low = int(lod[i])
         for level, share in ((low, 1 - lod[i] + low), (min(low + 1, len(levels) - 1), lod[i] - low)):
             n = levels[level].shape[1] - 2

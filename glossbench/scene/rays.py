@@ -32,7 +32,7 @@ class Hits(NamedTuple):
 class Rays:
     """Triangles that answer rays. Edges are watertight: no ray slips between two triangles that share one.
 
-    Aimed exactly at a vertex, some do: 32 of 2562 from within a ball; nothing that is drawn at random is so exact.
+    Aimed exactly at a vertex, some do: 32 of 2562 from within a flattened ball; nothing drawn at random is so exact.
 
     Args:
         vertices: (V, 3), within [-1, 1], so that the offset of shadow rays fits.
