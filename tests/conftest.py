@@ -9,6 +9,18 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: torch, not yet impo
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _registries_as_they_were():
+    """What a module's tests register is gone when the next module's begin."""
+    from glossbench.commands.info import registries  # late, as it imports torch
+
+    before = {registry: (registry.names(), dict(registry._classes))[1] for registry in registries().values()}
+    yield
+    for registry, classes in before.items():
+        registry._classes.clear()
+        registry._classes.update(classes)
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of real light files and its MANIFEST.yaml; skips where it is absent."""
