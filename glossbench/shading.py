@@ -173,6 +173,9 @@ class Recorder:
         self.read: dict[str, Any] = {}
 
     def __getattr__(self, name: str) -> Any:
+        if not hasattr(self._method, name):
+            self.read[name] = None  # the stage may go by that: a method that has the option must not get its value
+            raise AttributeError(f"{type(self._method).__name__} has no option {name!r}")
         value = getattr(self._method, name)
         if callable(value):  # a helper may read any option, and another class may have another helper
             self.read["__class__"] = type(self._method)

@@ -78,6 +78,36 @@ def test_a_stage_is_shared_by_options_that_it_does_not_read_and_by_no_others():
     assert len(CALLS) == 2  # one for each gain
 
 
+@stage
+def scaled(self, light):
+    """By the method's `scale`, where it has one."""
+    return torch.full((3,), getattr(self, "scale", 1.0))
+
+
+class Plain(Method):
+    """A method without the option that its shared stage asks for."""
+
+    scaled = scaled
+
+    def shade(self, points, scaled):
+        return scaled.expand(len(points), 3).clone()
+
+
+class Scaled(Plain):
+    """The same with it."""
+
+    scale: float = 2.0
+
+
+def test_a_method_without_an_option_never_lends_its_stage_to_one_that_has_it():
+    for first, second in ((Plain(), Scaled()), (Scaled(), Plain())):
+        cache = StageCache()
+
+        images = [shade(m, LIGHT, MATERIAL, VIEW, cache=cache, time_it=False) for m in (first, second)]
+
+        assert [float(i.radiance.max()) for i in images] == [getattr(m, "scale", 1.0) for m in (first, second)]
+
+
 def test_a_stage_made_without_timing_is_timed_warm_when_its_time_counts():
     CALLS.clear()
     cache = StageCache()
