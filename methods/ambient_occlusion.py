@@ -9,7 +9,7 @@ from glossbench.brdf.lobe_sum import LobeSum, fit_lobe_sum, no_lobe_sum
 from glossbench.brdf.material import Material
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LUMINANCE
-from glossbench.envmap.lobe_calibration import LobeLevels, Volume
+from glossbench.envmap.lobe_calibration import LobeLevels, Volume, calibrate
 from glossbench.envmap.lobe_pyramid import LobeFilter, PartialMaps, build_partial_maps, cube_bytes
 from glossbench.envmap.median_cut import whole
 from glossbench.lobe_lighting import Energy, lobe_radiance
@@ -18,7 +18,7 @@ from glossbench.scene.openness import openness
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.shadows import NoShadows
 from glossbench.shading import METHODS, Contract, Method, stage
-from glossbench.stages import calibration, lobe_sums
+from glossbench.stages import lobe_sums
 
 
 @METHODS.register("ambient_occlusion")
@@ -54,7 +54,6 @@ class AmbientOcclusion(Method):
     contract = Contract(furnace=1e-3, budget=None, options={"energy": "albedo"})
 
     lobe_sums = lobe_sums
-    calibration = calibration
 
     def supports(self, material: Material, scene: Any) -> str | None:
         """A reason where a lobe is no sum of round lobes about the mirror direction."""
@@ -66,6 +65,11 @@ class AmbientOcclusion(Method):
         reflectance = material.reflectance()
         n_lobes = sum(len(fit_lobe_sum(lobe, self.lobes).exponents) for lobe in reflectance.lobes)
         return n_lobes + bool(reflectance.diffuse)
+
+    @stage
+    def calibration(self, light: CubeMap) -> LobeLevels:
+        """Levels of exponents; of the light only its resolution counts."""
+        return calibrate(light.resolution, self.mip_filter, self.volume)
 
     @stage
     def maps(self, light: CubeMap) -> PartialMaps:
