@@ -13,13 +13,18 @@ from torch import Tensor
 from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.lobe import Lobe
 from glossbench.directions import Vec3, points_2d, stack, to_world
+from glossbench.envmap.lobe_pyramid import build_partial_maps, cube_bytes
+from glossbench.envmap.median_cut import median_cut
+from glossbench.envmap.parabolic_maps import build_parabolic_maps
 from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, weighted_radiance
 from glossbench.envmap.synthetic import Spots
 from glossbench.fusion import can_fuse, over_points
 from glossbench.scene.points import ShadingPoints
+from glossbench.scene.shadows import variance_shadow_maps
+from glossbench.scene.shapes import cloth
 from glossbench.scene.sphere import Sphere
 
-SAMPLES, CUBE, VIEW = 32, 256, 128
+SAMPLES, CUBE, VIEW, REGIONS = 32, 256, 128, 64
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,8 @@ def measure(tell: Callable[[str], None]) -> list[Line]:
     lines = _kernel_lines()
     tell("pyramids of a 1024 cube")
     lines += _pyramid_lines(1024)
+    tell(f"{REGIONS} partial maps of a {CUBE} cube, and their shadow maps")
+    lines += _partial_map_lines()
     tell("peak memory of a 512^2 sphere at 270 samples")
     return [*lines, _memory_line()]
 
@@ -107,6 +114,26 @@ def _pyramid_lines(resolution: int) -> list[Line]:
         seconds = _seconds(lambda: build_pyramid(light, mip_filter), 5)  # type: ignore[arg-type]  # noqa: B023
         lines.append(Line(f"{mip_filter} pyramid of it", f"{1000 * seconds:.1f} ms", f"{seconds / copy:.1f}"))
     return lines
+
+
+def _partial_map_lines() -> list[Line]:
+    """64 regions: their maps beside as many whole cubes through a plain pyramid, and their shadow maps."""
+    light = Spots(resolution=CUBE).cubemap()
+    regions = median_cut(light, REGIONS)
+    plain = REGIONS * _seconds(lambda: build_pyramid(light, "box"), 5)
+    lines = [Line(f"{REGIONS} box pyramids of a {CUBE} cube", f"{plain:.2f} s", "1")]
+    limit = float(cube_bytes(CUBE, REGIONS))
+    works: dict[str, Callable[[], Any]] = {
+        "cube": lambda: build_partial_maps(light.faces, regions.index, REGIONS, "sqrt_cosine", "cube", limit),
+        "cropped": lambda: build_partial_maps(light.faces, regions.index, REGIONS, "sqrt_cosine", "cropped", limit),
+        "parabolic": lambda: build_parabolic_maps(light, regions, "sqrt_cosine", limit),
+    }
+    for storage, work in works.items():
+        seconds = _seconds(work, 1)
+        lines.append(Line(f"{REGIONS} partial maps of it, {storage}", f"{seconds:.2f} s", f"{seconds / plain:.1f}"))
+    mesh = cloth(rows=187)
+    seconds = _seconds(lambda: variance_shadow_maps(mesh, regions.direction, regions.solid_angle), 1)
+    return [*lines, Line(f"{REGIONS} shadow maps of 256^2, a mesh of {len(mesh.faces)} triangles", f"{seconds:.2f} s")]
 
 
 def shade_large() -> Tensor:

@@ -2,20 +2,23 @@
 
 from typing import Literal
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from glossbench.brdf.lobe_sum import LobeSum, fit_lobe_sum, no_lobe_sum
 from glossbench.brdf.material import Material, Reflectance
 from glossbench.directions import reflect
-from glossbench.envmap.lobe_calibration import LobeLevels
+from glossbench.envmap.lobe_calibration import LobeLevels, MapLevels
 from glossbench.envmap.lobe_pyramid import PartialMaps
+from glossbench.envmap.parabolic_maps import ParabolicMaps
 from glossbench.envmap.pyramid import weighted_radiance
 from glossbench.fusion import over_points
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.shadows import Shadows
 
 Energy = Literal["normal", "albedo"]
+Maps = PartialMaps | ParabolicMaps
 
 
 def no_lobe_sums(material: Material) -> str | None:
@@ -35,14 +38,14 @@ def lobe_radiance(
     points: ShadingPoints,
     reflectance: Reflectance,
     lobe_sums: tuple[LobeSum, ...],
-    calibration: LobeLevels,
-    maps: PartialMaps,
+    calibration: LobeLevels | MapLevels,
+    maps: Maps,
     shadows: Shadows,
     energy: Energy,
 ) -> Tensor:
     """Radiance (P, 3): kd c(n, 1) + sum over lobes and their cosine lobes k of A share_k c(r, s_k).
 
-    c(d, s) = sum over maps i of VIS_i PEM_i(d, level(s)), r the mirror direction of wo.
+    c(d, s) = sum over maps i of VIS_i PEM_i(d, level_i(s)), r the mirror direction of wo.
 
     Args:
         lobe_sums: of each glossy lobe.
@@ -55,8 +58,8 @@ def lobe_radiance(
     radiance = torch.zeros(len(points), 3, device=points.device)
     if not diffuse and not exponents:
         return radiance
-    levels = [calibration.level(s) for s in [1.0] * diffuse + exponents]
-    at = torch.tensor(levels, dtype=torch.float32, device=points.device)
+    levels = np.array([calibration.level(s) for s in [1.0] * diffuse + exponents])
+    at = torch.tensor(levels, dtype=torch.float32, device=points.device).view(len(levels), 1, -1)
     # Eight taps with their windows: some 4 times the temporaries of a lookup.
     means = iter(over_points(_means, points, 4 * len(maps), maps, shadows, at, diffuse).split(3, dim=1))
     if diffuse:
@@ -69,11 +72,8 @@ def lobe_radiance(
     return radiance
 
 
-def _means(points: ShadingPoints, maps: PartialMaps, shadows: Shadows, levels: Tensor, diffuse: bool) -> Tensor:
-    """c at each level (P, 3 K): about r, but the first about n where there is a diffuse part."""
+def _means(points: ShadingPoints, maps: Maps, shadows: Shadows, levels: Tensor, diffuse: bool) -> Tensor:
+    """c at levels (K, 1, 1 or N): (P, 3 K), about r, but the first about n where there is a diffuse part."""
     visible = (shadows.visible(points),)
     axes = [points.n] * diffuse + [reflect(points.wo, points.n)] * (len(levels) - diffuse)
-    return torch.cat(
-        [weighted_radiance(maps, d, level.expand_as(d.x), visible) for d, level in zip(axes, levels, strict=True)],
-        dim=1,
-    )
+    return torch.cat([weighted_radiance(maps, d, level, visible) for d, level in zip(axes, levels, strict=True)], dim=1)

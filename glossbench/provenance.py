@@ -14,8 +14,8 @@ import torch
 
 # What decides the numbers: a change of any of these files makes every cell new.
 NUMERICS = (
-    "brdf", "envmap", "scene", "directions.py", "fusion.py", "ground_truth.py", "metrics", "options.py",
-    "shading.py", "stages.py", "tuning.py",
+    "brdf", "envmap", "scene", "directions.py", "fusion.py", "ground_truth.py", "lobe_lighting.py", "metrics",
+    "options.py", "shading.py", "stages.py", "tuning.py", "visibility.py",
 )  # fmt: skip
 
 

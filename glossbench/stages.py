@@ -12,7 +12,6 @@ from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.harmonics import irradiance as irradiance_at
 from glossbench.envmap.harmonics import irradiance_coefficients
-from glossbench.envmap.lobe_calibration import LobeLevels, calibrate
 from glossbench.envmap.median_cut import Partition
 from glossbench.envmap.paraboloid import Paraboloid, build_paraboloid
 from glossbench.envmap.pyramid import Pyramid, build_pyramid
@@ -45,12 +44,6 @@ def diffuse_radiance(reflectance: Reflectance, coefficients: Tensor, n: Vec3) ->
 def lobe_sums(self: Any, material: Material) -> tuple[LobeSum, ...]:
     """Cosine lobes of each glossy lobe, at most the method's `lobes`."""
     return tuple(fit_lobe_sum(lobe, self.lobes) for lobe in material.reflectance().lobes)
-
-
-@stage
-def calibration(self: Any, light: CubeMap) -> LobeLevels:
-    """Levels of exponents; of the light only its resolution counts."""
-    return calibrate(light.resolution, self.mip_filter, self.volume)
 
 
 @stage

@@ -9,7 +9,7 @@ from glossbench.brdf.lobe_sum import LobeSum
 from glossbench.brdf.material import Material
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LUMINANCE
-from glossbench.envmap.lobe_calibration import LobeLevels, Volume
+from glossbench.envmap.lobe_calibration import LobeLevels, Volume, calibrate
 from glossbench.envmap.lobe_pyramid import LobeFilter, PartialMaps, build_partial_maps, cube_bytes
 from glossbench.envmap.median_cut import whole
 from glossbench.lobe_lighting import Energy, lobe_radiance, n_lookups, no_lobe_sums
@@ -18,7 +18,7 @@ from glossbench.scene.openness import openness
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.shadows import NoShadows
 from glossbench.shading import METHODS, Contract, Method, stage
-from glossbench.stages import calibration, lobe_sums
+from glossbench.stages import lobe_sums
 
 
 @METHODS.register("ambient_occlusion")
@@ -54,7 +54,6 @@ class AmbientOcclusion(Method):
     contract = Contract(furnace=1e-3, budget=None, options={"energy": "albedo"})
 
     lobe_sums = lobe_sums
-    calibration = calibration
 
     def supports(self, material: Material, scene: Any) -> str | None:
         """A reason where a lobe is no sum of round lobes about the mirror direction."""
@@ -63,6 +62,11 @@ class AmbientOcclusion(Method):
     def n_samples(self, material: Material) -> int:
         """Lookups: one for each cosine lobe and the diffuse part."""
         return n_lookups(material, self.lobes)
+
+    @stage
+    def calibration(self, light: CubeMap) -> LobeLevels:
+        """Levels of exponents; of the light only its resolution counts."""
+        return calibrate(light.resolution, self.mip_filter, self.volume)
 
     @stage
     def maps(self, light: CubeMap) -> PartialMaps:

@@ -78,7 +78,6 @@ class RegularSampling(Method):
     # the defaults furnace is 0.21 and 0.014, and under spots more samples do not help: the error stays at 0.1.
     contract: ClassVar[Contract] = Contract(furnace=0.08, slope=-0.5, options={"xi": 0.001, "normalisation": "exact"})
 
-    projection: ClassVar[str] = "cube"  # which the shared stage reads
     pyramid = pyramid
     irradiance = irradiance
 

@@ -1,8 +1,9 @@
 """Which level of a filtered cube stands for the lobe cos^s: found by the volume of what one lit texel becomes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import log2, pi
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -11,7 +12,8 @@ from torch import Tensor
 
 from glossbench.directions import Vec3, cross, normalize, points_2d, spherical, stack, to_world
 from glossbench.envmap.cubemap import texel_directions, texel_solid_angles
-from glossbench.envmap.lobe_pyramid import LobeFilter, PartialMaps, build_partial_maps
+from glossbench.envmap.lobe_pyramid import LobeFilter, PartialMaps, build_partial_maps, window_taps
+from glossbench.envmap.parabolic_maps import POLE, fill, level_windows, n_levels, n_texels
 from glossbench.envmap.pyramid import lookup
 
 Volume = Literal["radial_plot", "solid_angle"]
@@ -51,6 +53,16 @@ class LobeLevels:
         return float(np.interp(-np.log1p(s), -np.log1p(self.exponents), self.errors))
 
 
+class MapLevels(NamedTuple):
+    """Exponents along the levels of maps that differ, each with its own."""
+
+    maps: tuple[LobeLevels, ...]
+
+    def level(self, s: float) -> NDArray[np.float64]:
+        """The level of an exponent in each map, (N,)."""
+        return np.array([levels.level(s) for levels in self.maps])
+
+
 def calibrate(
     resolution: int, mip_filter: LobeFilter, volume: Volume = "solid_angle", places: Places = "centre"
 ) -> LobeLevels:
@@ -75,29 +87,60 @@ def calibrate(
     at = min(max(resolution, COARSEST), FINEST)
     shift = int(log2(resolution / at))
     maps, centres = _lit_texels(at, mip_filter, places)
+    edges = 2 / maps.sizes.numpy()
+    found = _matched(lambda level, cosines: _profile(maps, centres, cosines, level), edges, volume)
+    return _of_finer(found, shift) if shift > 0 else replace(found, levels=found.levels + shift)
+
+
+def calibrate_maps(pitch: Tensor, mip_filter: LobeFilter, volume: Volume = "solid_angle") -> MapLevels:
+    """Levels of paraboloid maps of these pitches for every exponent: as `calibrate`, one a map.
+
+    K_l(theta) is what a map shows of one lit texel at its middle. On the plane, in texels, that is the same for all
+    maps: what differs is the angle that a texel spans.
+    """
+    lobes = _plane_lobes(n_levels(pitch), mip_filter)
+    radii = np.linspace(0, REACH, lobes.shape[1])
+
+    def levels(pitch: float) -> LobeLevels:
+        edges = pitch * 2.0 ** np.arange(len(lobes))
+
+        def profile(level: int, cosines: NDArray[np.float64]) -> NDArray[np.float64]:
+            near = np.maximum(1 + cosines, POLE)
+            radius = np.sqrt((1 - cosines) / near) / edges[level]
+            return np.interp(radius, radii, lobes[level], right=0.0) / near**2
+
+        return _matched(profile, 2 * edges, volume)
+
+    return MapLevels(tuple(levels(p) for p in pitch.tolist()))
+
+
+def _matched(
+    profile: Callable[[int, NDArray[np.float64]], NDArray[np.float64]],
+    edges: NDArray[Any],
+    volume: Volume,
+) -> LobeLevels:
+    """Exponents of the lobes K_l at these cosines, of levels whose texels span these angles."""
     power = 3 if volume == "radial_plot" else 1
     levels, exponents, errors = [], [], []
-    n_levels = len(maps.sizes)
-    for level in range(n_levels - 1):
-        reach = min(pi, REACH * 2 / (at >> (level + 1)))
+    shares = np.arange(STEPS) / STEPS
+    for level, edge in enumerate(edges[1:]):
+        reach = min(pi, REACH * edge)
         cosines, weight = _rings(reach)
-        fine, coarse = (_profile(maps, centres, cosines, k) for k in (level, level + 1))
-        last = level == n_levels - 2
-        for step in range(STEPS + last):
-            share = step / STEPS
-            profile = (1 - share) * fine + share * coarse
-            rho = (profile / profile[0]) ** power
-            # Of the exponent p s: the integral is 2 pi / (p s + 1) in both measures.
-            total = float((weight * rho).sum())
-            s = (2 * pi / total - 1) / power
-            levels.append(level + share)
-            exponents.append(s)
-            lobe = np.clip(cosines, 0, 1) ** max(power * s, 0)
-            errors.append(float((weight * np.abs(rho - lobe)).sum()) / total)
-    falling = np.minimum.accumulate(np.array(exponents)) - 1e-12 * np.arange(len(exponents))
+        last = level == len(edges) - 2
+        share = np.append(shares, 1.0)[: STEPS + last, None]
+        mixed = (1 - share) * profile(level, cosines) + share * profile(level + 1, cosines)
+        rho = (mixed / mixed[:, :1]) ** power
+        # Of the exponent p s: the integral is 2 pi / (p s + 1) in both measures.
+        total = rho @ weight
+        s = (2 * pi / total - 1) / power
+        lobe = np.clip(cosines, 0, 1) ** np.maximum(power * s, 0)[:, None]
+        levels.append(level + share[:, 0])
+        exponents.append(s)
+        errors.append(np.abs(rho - lobe) @ weight / total)
+    falling = np.minimum.accumulate(np.concatenate(exponents))
+    falling -= 1e-12 * np.arange(len(falling))
     kept = falling > -0.5
-    found = LobeLevels(np.array(levels)[kept], falling[kept], np.array(errors)[kept])
-    return _of_finer(found, shift) if shift > 0 else replace(found, levels=found.levels + shift)
+    return LobeLevels(np.concatenate(levels)[kept], falling[kept], np.concatenate(errors)[kept])
 
 
 def _rings(reach: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -157,3 +200,19 @@ def _profile(maps: PartialMaps, centres: Tensor, cosines: NDArray[np.float64], l
         radiance = lookup(one, flat, torch.full_like(flat.x, float(level))).view(3, len(cosines), -1, 3)
         total += sum(radiance[k, :, :, k].double().mean(1).numpy() for k in range(3))
     return total / (3 * len(maps))
+
+
+def _plane_lobes(n: int, mip_filter: LobeFilter) -> NDArray[np.float64]:
+    """What n levels of a plane show of one lit texel at the origin, at radii of 0 to 6 of their texels, (n, 513)."""
+    windows = level_windows(torch.tensor([[0, 0, 1, 1]]), n, mip_filter)
+    texels = torch.zeros(n_texels(windows), 3)
+    fill(texels, windows[:, 0], torch.ones(1, 1, 3), mip_filter)
+    radius = torch.linspace(0, REACH, 4 * N_ANGLES - 3, dtype=torch.float64)[:, None]
+    turn = torch.arange(4 * N_AZIMUTHS) * (pi / (2 * N_AZIMUTHS)) + radius * 2.399963
+    lobes = []
+    for level, window in enumerate(windows[:, 0]):
+        at = 0.5 / 2**level - 0.5  # the middle of the lit texel
+        rows, shares = window_taps(window, at + radius * turn.cos(), at + radius * turn.sin(), torch.ones(()))
+        values = [texels[row.long(), 0] * share for row, share in zip(rows, shares, strict=True)]
+        lobes.append(torch.stack(values).sum(0).mean(1).numpy())
+    return np.stack(lobes)

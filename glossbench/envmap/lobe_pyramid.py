@@ -69,24 +69,39 @@ class PartialMaps:
         fraction = lod - lower
         rows, weights = [], []
         for level, share in ((lower, 1 - fraction), ((lower + 1).clamp(max=top), fraction)):
-            first_row, first_column, height, width, first = self.windows[level, image].unbind(-1)
             size = self.sizes[level]
             # The border shifts texels by 1, their centres by 1/2: x = s n - 1/2 + 1.
             x, y = (s * 0.5 + 0.5) * size + 0.5, (t * 0.5 + 0.5) * size + 0.5
-            i, j = x.int(), y.int()
-            fx, fy = x - i, y - j
-            for below, row_share in ((0, 1 - fy), (1, fy)):
-                for right, column_share in ((0, 1 - fx), (1, fx)):
-                    row, column = j + below - first_row, i + right - first_column
-                    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-                    rows.append(torch.where(inside, first + row * width + column, 0).int())
-                    weights.append((row_share * column_share * share).expand(image.shape))
+            found = window_taps(self.windows[level, image], x, y, share)
+            rows += found[0]
+            weights += found[1]
         return tuple(rows), tuple(weights)
 
     def log2_texels_per_sr(self, d: Vec3) -> Tensor:
         """log2(R^2 / (4 major^3)), as of any cube."""
         major = torch.maximum(torch.maximum(d.x.abs(), d.y.abs()), d.z.abs())
         return 2 * torch.log2(self.sizes[0].float()) - 2 - 3 * torch.log2(major)
+
+
+def window_taps(window: Tensor, x: Tensor, y: Tensor, share: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+    """Four rows of a table and weights of the texels around x (column) and y (row), bilinear; row 0 outside a window.
+
+    Args:
+        window: (.., 5) first row, first column, height, width, first row in the table.
+        share: factor of the weights.
+    """
+    first_row, first_column, height, width, first = window.unbind(-1)
+    left, top = x.floor(), y.floor()
+    i, j = left.int() - first_column, top.int() - first_row
+    fx, fy = x - left, y - top
+    rows, weights = [], []
+    for below, row_share in ((0, 1 - fy), (1, fy)):
+        for right, column_share in ((0, 1 - fx), (1, fx)):
+            row, column = j + below, i + right
+            inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+            rows.append(torch.where(inside, first + row * width + column, 0).int())
+            weights.append((row_share * column_share * share).expand(inside.shape))
+    return rows, weights
 
 
 def cube_bytes(resolution: int, n_maps: int) -> int:
