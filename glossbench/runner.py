@@ -199,7 +199,7 @@ class _Executor:
             "view": cell.view.name, "method": cell.method.name,
             "light_options": cell.light.json, "material_options": cell.material.json,
             "view_options": cell.view.json, "options": json.dumps(cell.method.options, sort_keys=True),
-            "tuned": "{}", "status": "done", "reason": "",
+            "tuned": "{}", "status": "done", "reason": "", "material_note": "",
             **dict.fromkeys([*self.study.metrics, "rms"], nothing),
             "reference_noise": nothing, "reference_peak_noise": nothing, "reference_target": nothing,
             "reference_mean": nothing, "reference_samples": 0,
@@ -235,6 +235,7 @@ class _Executor:
         if not self.lights.is_intact():
             raise MethodError(f"{method.name} writes into the light, which others read")
         columns |= {
+            "material_note": material.note(),
             "reference_noise": truth.noise,
             "reference_peak_noise": float(truth.standard_error.max()),
             "reference_target": self.study.reference.relative_error * truth.mean,

@@ -58,12 +58,12 @@ class AmbientOcclusion(Method):
 
     def supports(self, material: Material, scene: Any) -> str | None:
         """A reason where a lobe is no sum of round lobes about the mirror direction."""
-        reasons = (no_lobe_sum(lobe) for lobe in material.reflectance().lobes)
+        reasons = (no_lobe_sum(lobe) for lobe in material.as_lobes().lobes)
         return next((reason for reason in reasons if reason), None)
 
     def n_samples(self, material: Material) -> int:
         """Lookups: one for each cosine lobe and the diffuse part."""
-        reflectance = material.reflectance()
+        reflectance = material.as_lobes()
         n_lobes = sum(len(fit_lobe_sum(lobe, self.lobes).exponents) for lobe in reflectance.lobes)
         return n_lobes + bool(reflectance.diffuse)
 
@@ -92,6 +92,6 @@ class AmbientOcclusion(Method):
         ambient: Tensor,
     ) -> Tensor:
         """Radiance (P, 3)."""
-        reflectance = material.reflectance(points.device)
+        reflectance = material.as_lobes(points.device)
         open_scene = lobe_radiance(points, reflectance, lobe_sums, calibration, maps, NoShadows(1), self.energy)
         return ambient.to(points.device)[:, None] * open_scene

@@ -77,12 +77,12 @@ class PartialEnvironmentMaps(Method):
 
     def supports(self, material: Material, scene: Any) -> str | None:
         """A reason where a lobe is no sum of round lobes about the mirror direction, or a scene has no shadow maps."""
-        reasons = (no_lobe_sum(lobe) for lobe in material.reflectance().lobes)
+        reasons = (no_lobe_sum(lobe) for lobe in material.as_lobes().lobes)
         return next((reason for reason in reasons if reason), None) or no_shadows(self.visibility, scene)
 
     def n_samples(self, material: Material) -> int:
         """Lookups: the maps, for each cosine lobe and the diffuse part."""
-        reflectance = material.reflectance()
+        reflectance = material.as_lobes()
         n_lobes = sum(len(fit_lobe_sum(lobe, self.lobes).exponents) for lobe in reflectance.lobes)
         n_maps = 1 if self.visibility == "none" else self.regions
         return n_maps * (n_lobes + bool(reflectance.diffuse))
@@ -108,5 +108,5 @@ class PartialEnvironmentMaps(Method):
         shadows: Shadows,
     ) -> Tensor:
         """Radiance (P, 3)."""
-        reflectance = material.reflectance(points.device)
+        reflectance = material.as_lobes(points.device)
         return lobe_radiance(points, reflectance, lobe_sums, calibration, maps, shadows, self.energy)
