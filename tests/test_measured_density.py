@@ -18,7 +18,7 @@ from glossbench.brdf.measured.half_vector_density import RINGS, SECTORS, VIEWS, 
 from glossbench.brdf.measured.lobe import MeasuredLobe, measured_lobe
 from glossbench.directions import Vec3, points_2d
 
-SAMPLES = 200_000
+SAMPLES = 40_000
 
 
 @dataclass(frozen=True)

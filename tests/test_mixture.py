@@ -12,9 +12,9 @@ from glossbench.brdf.ggx import GGX
 from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.lafortune import Lafortune
 from glossbench.brdf.material import MATERIALS
-from glossbench.catalog import entries
 from glossbench.brdf.mixture import Sum
 from glossbench.brdf.phong import Phong
+from glossbench.catalog import entries
 from glossbench.directions import Vec3, points_2d
 from glossbench.envmap.synthetic import Gradient
 from glossbench.errors import InputError
