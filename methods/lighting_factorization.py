@@ -94,7 +94,8 @@ class LightingFactorization(Method):
     samples: Annotated[int, Field(ge=1, le=1 << 14)] = 64
     seed: Seed = 0
     solver: Solver = "qmr"
-    tolerance: Annotated[float, Field(gt=0, le=0.1)] = 1e-5
+    # Measured, copper in the Uffizi, 1.18 million samples, maps of 64, RMS at 1e-3 and 1e-4: 0.37110, 0.37108.
+    tolerance: Annotated[float, Field(gt=0, le=0.1)] = 1e-4
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 500
     textures: Literal["float", "8bit"] = "float"
     prescale: Fraction = 1.0
@@ -102,6 +103,7 @@ class LightingFactorization(Method):
     level: Annotated[int, Field(ge=0, le=4)] = 0
     mip: Literal["factorized", "box"] = "factorized"
 
+    # Bounds of furnace and turns are wide and not measured; an albedo of the angle alone is no product of n and r.
     contract = Contract(furnace=1.0, linear=False, turns=1.0, budget=None)
 
     def supports(self, material: Material, scene: Any) -> str | None:

@@ -17,7 +17,7 @@ from glossbench.measuring import measure
 from glossbench.methods.lighting_factorization import LightingFactorization
 from glossbench.shading import StageCache, dependencies, stages_of
 
-SMALL = {"virtual_edge": 4, "light_edge": 8, "edge": 8, "first_edge": 4}
+SMALL = {"virtual_edge": 4, "light_edge": 8, "edge": 8, "first_edge": 4, "tolerance": 1e-6}
 
 
 def random_light(resolution=8, seed=0):
