@@ -95,8 +95,8 @@ def _nodes(lobe: MeasuredLobe) -> _Nodes:
     about = spherical(d, phi)
     wi = Vec3(cos * about.x + sin * about.z, about.y, cos * about.z - sin * about.x)
     wo = reflect(wi, Vec3(sin, torch.zeros_like(sin), cos))
-    measure = torch.from_numpy(np.diff(edges)).repeat_interleave(DIFFERENCES * TURNS) * torch.sin(2 * d)
-    weight = torch.where((wi.z > 0) & (wo.z > 0), torch.sqrt(measure) * wi.z * wo.z, 0.0)
+    area = torch.from_numpy(np.diff(edges)).repeat_interleave(DIFFERENCES * TURNS) * torch.sin(2 * d)
+    weight = torch.where((wi.z > 0) & (wo.z > 0), torch.sqrt(area) * wi.z * wo.z, 0.0)
     wo, wi = (Vec3(*(c.float() for c in w)) for w in (wo, wi))
     device = lobe.ks[0].device
     f = lobe.f(*(Vec3(*(c.to(device) for c in w)) for w in (wo, wi)))
