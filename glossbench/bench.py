@@ -10,15 +10,24 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from glossbench.brdf.cook_torrance import CookTorrance
 from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.lobe import Lobe
-from glossbench.directions import Vec3, points_2d, stack, to_world
+from glossbench.directions import Vec3, points_2d, stack, to_local, to_world, vec3
+from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lobe_pyramid import build_partial_maps, cube_bytes
 from glossbench.envmap.median_cut import median_cut
 from glossbench.envmap.parabolic_maps import build_parabolic_maps
 from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, weighted_radiance
 from glossbench.envmap.synthetic import Spots
 from glossbench.fusion import can_fuse, over_points
+from glossbench.lighting_function import (
+    pair_points,
+    sample_lighting_function,
+    texel_weights,
+    valid_pairs,
+    virtual_directions,
+)
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.shadows import variance_shadow_maps
 from glossbench.scene.shapes import cloth
@@ -40,6 +49,8 @@ def measure(tell: Callable[[str], None]) -> list[Line]:
     """All measurements, a minute or two; `tell` is called with what is under way."""
     tell("shading kernel")
     lines = _kernel_lines()
+    tell("sampling the lighting function")
+    lines += _lighting_lines()
     tell("pyramids of a 1024 cube")
     lines += _pyramid_lines(1024)
     tell(f"{REGIONS} partial maps of a {CUBE} cube, and their shadow maps")
@@ -91,9 +102,44 @@ def _straightforward(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: P
     return (radiance * weight[0][..., None]).sum(dim=1)
 
 
-def _rate(work: Callable[[], Any], pairs: int) -> float:
-    """Million point-sample pairs a second, the best of ten runs after a warm one."""
-    return pairs / _seconds(work, 10) / 1e6
+def _lighting_lines() -> list[Line]:
+    """Terms f L g cos a second, for a virtual cube of 8 and a light of 32: one by one, and by the cube's rotations."""
+    light, material = Spots(resolution=32).cubemap(), CookTorrance(m=(0.3, 0.3), f0=(0.95, 0.64, 0.54))
+    normals = torch.arange(0, 384, 48)
+    terms = len(valid_pairs(8)) * 6 * 32**2
+    plain = _rate(lambda: [_term_by_term(light, material, 8, int(n)) for n in normals], terms * len(normals) // 384, 1)
+    ours = _rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=False), terms, 1)
+    what = "lighting function, Cook-Torrance, virtual cube of 8, light of 32"
+    lines = [
+        Line(f"{what}: term by term, eager", f"{plain:.1f} M terms/s", "1"),
+        Line(f"{what}: one normal for 24, eager", f"{ours:.1f} M terms/s", f"{ours / plain:.1f}"),
+    ]
+    if can_fuse():
+        fused = _rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=True), terms, 1)
+        lines.append(Line(f"{what}: one normal for 24, fused", f"{fused:.1f} M terms/s", f"{fused / plain:.1f}"))
+    return lines
+
+
+def _seen(edge: int, normal: int) -> Tensor:
+    """Numbers of the views above a normal's horizon."""
+    pairs = valid_pairs(edge)
+    return pairs[pairs[:, 0] == normal, 1]
+
+
+def _term_by_term(light: CubeMap, material: CookTorrance, edge: int, normal: int) -> Tensor:
+    """Lo of one normal and all its views as a textbook would: all texels, values of f for each of its own."""
+    views = _seen(edge, normal)
+    points = pair_points(edge, torch.stack([torch.full_like(views, normal), views], 1)).columns(0, len(views))
+    texels = vec3(virtual_directions(light.resolution).float()[None])
+    wi = to_local(texels, points.t, points.b, points.n)
+    weight = wi.z.clamp(min=0) * texel_weights(light.resolution, "exact").float()
+    values = torch.stack([f * weight for f in material.reflectance().f(points.wo_local(), wi)], -1)
+    return (values * light.faces.reshape(-1, 3)).sum(1)
+
+
+def _rate(work: Callable[[], Any], pairs: int, repeats: int = 10) -> float:
+    """Million point-sample pairs a second, the best of so many runs after a warm one."""
+    return pairs / _seconds(work, repeats) / 1e6
 
 
 def _seconds(work: Callable[[], Any], repeats: int) -> float:

@@ -5,6 +5,7 @@ import logging
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -79,6 +80,16 @@ def entry(name: str) -> Entry:
     if name not in known:
         raise InputError(f"the catalogue has no {name!r}{nearest(name, known)}")
     return known[name]
+
+
+def fetch_once(name: str) -> Path:
+    """`fetch` for what asks again and again: the file is looked for and verified once a process."""
+    return _fetched(name, tuple(data_folders()))
+
+
+@lru_cache(maxsize=64)
+def _fetched(name: str, folders: tuple[Path, ...]) -> Path:
+    return fetch(name)
 
 
 def fetch(name: str, progress: Callable[[int], None] = lambda n: None) -> Path:

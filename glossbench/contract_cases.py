@@ -15,6 +15,7 @@ from torch import Tensor
 from glossbench.brdf.ggx import GGX
 from glossbench.brdf.kurt import Kurt, KurtLobe
 from glossbench.brdf.material import MATERIALS, Material
+from glossbench.catalog import entries
 from glossbench.directions import Vec3, cross, normalize, points_2d, spherical, to_world
 from glossbench.envmap.cubemap import CubeMap, face_coordinates, texel_directions
 from glossbench.envmap.synthetic import Spots
@@ -173,7 +174,8 @@ def points_between(points: ShadingPoints, start: int, stop: int) -> ShadingPoint
 
 
 def registered_materials() -> Iterator[Material]:
-    for name in MATERIALS.names():
+    """Those that need no file."""
+    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in entries("brdf")}):
         try:
             yield MATERIALS.create(name, {})
         except InputError:

@@ -73,6 +73,6 @@ def can_fuse() -> bool:
 
 
 @cache
-def fused(kernel: Kernel) -> Kernel:
+def fused(kernel: Callable[..., Any]) -> Callable[..., Any]:
     """The kernel through torch.compile with dynamic shapes, or itself where there is no compiler."""
     return torch.compile(kernel, dynamic=True) if can_fuse() else kernel

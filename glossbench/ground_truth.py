@@ -148,6 +148,16 @@ def compute_reference(
         n *= 2
 
 
+def estimates(light: CubeMap, material: Material, points: ShadingPoints, n_samples: int, seed: int) -> Tensor:
+    """One replicate: radiance (P, 3), float64, by so many samples a technique, where nothing hides the light."""
+    reflectance = material.reflectance(points.device)
+    tables = Tables(reflectance, luminance_distribution(light), finest(light), None)
+    n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
+    engines = [SobolEngine(2, scramble=True, seed=seed * 64 + k) for k in range(n_techniques)]
+    u = [_open(engine.draw(n_samples)).to(points.device) for engine in engines]
+    return _round(points, tables, u, len(points) * n_samples * n_techniques >= FUSE_ABOVE) / n_samples
+
+
 def _round(points: ShadingPoints, tables: Tables, u: list[Tensor], fuse: bool) -> Tensor:
     """Sum over one round of samples of every technique, (P, 3), float64."""
     n = u[0].shape[0]

@@ -23,13 +23,13 @@ Maps = PartialMaps | ParabolicMaps
 
 def no_lobe_sums(material: Material) -> str | None:
     """Why a lobe of a material is no sum of round lobes about the mirror direction; None where all are."""
-    reasons = (no_lobe_sum(lobe) for lobe in material.reflectance().lobes)
+    reasons = (no_lobe_sum(lobe) for lobe in material.as_lobes().lobes)
     return next((reason for reason in reasons if reason), None)
 
 
 def n_lookups(material: Material, lobes: int) -> int:
     """Lookups of one map: one for each cosine lobe, at most `lobes` a glossy lobe, and the diffuse part."""
-    reflectance = material.reflectance()
+    reflectance = material.as_lobes()
     n_lobes = sum(len(fit_lobe_sum(lobe, lobes).exponents) for lobe in reflectance.lobes)
     return n_lobes + bool(reflectance.diffuse)
 

@@ -41,12 +41,17 @@ def measure(
         MethodError: as `shade`.
     """
     tuned: dict[str, float] = {}
+    recorded = replace(truth, radiance=view.recorded(truth.radiance))
+
+    def metric_of(name: str, image: Image) -> float:
+        return METRICS.create(name, {})(replace(image, radiance=view.recorded(image.radiance)), recorded)
+
     if tune is not None:
-        metric = METRICS.create(tune.metric, {})
+        least = tune.metric
 
         def error(value: float) -> float:
             candidate = replace(method, **{tune.option: value})
-            return metric(shade(candidate, light, material, view, cache=cache, time_it=False), truth)
+            return metric_of(least, shade(candidate, light, material, view, cache=cache, time_it=False))
 
         tuned = {tune.option: tune_option(tune, error)}
         method = replace(method, **tuned)
@@ -55,7 +60,7 @@ def measure(
     columns = {
         "tuned": json.dumps(tuned),
         "options": json.dumps(method.as_dict(), sort_keys=True),
-        **{name: METRICS.create(name, {})(image, truth) for name in dict.fromkeys([*metrics, "rms"])},
+        **{name: metric_of(name, image) for name in dict.fromkeys([*metrics, "rms"])},
         "n_samples": int(image.costs.n_samples),
         "stage_seconds": json.dumps(image.costs.stage_seconds),
         "update_seconds": json.dumps(image.costs.update_seconds),

@@ -43,7 +43,7 @@ def diffuse_radiance(reflectance: Reflectance, coefficients: Tensor, n: Vec3) ->
 @stage
 def lobe_sums(self: Any, material: Material) -> tuple[LobeSum, ...]:
     """Cosine lobes of each glossy lobe, at most the method's `lobes`."""
-    return tuple(fit_lobe_sum(lobe, self.lobes) for lobe in material.reflectance().lobes)
+    return tuple(fit_lobe_sum(lobe, self.lobes) for lobe in material.as_lobes().lobes)
 
 
 @stage

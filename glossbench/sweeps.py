@@ -7,6 +7,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from glossbench.brdf.measured_file import Measured
 from glossbench.envmap.lights import FileLight, file_or_name, locate
 from glossbench.errors import InputError, nearest
 from glossbench.items import Item, MethodItem, Tune
@@ -14,6 +15,8 @@ from glossbench.metrics import METRICS
 from glossbench.options import Options, check, json_schema, option_names
 from glossbench.schema import REGISTRIES, TuneKeys
 from glossbench.yaml_marks import Document, KeyPath, path_text
+
+FILES: dict[type[Options], str] = {FileLight: "image file", Measured: "BRDF file"}  # whose option `file` is a path
 
 
 class Axis(NamedTuple):
@@ -116,16 +119,16 @@ class Form:
         return True
 
     def _checked(self, path: KeyPath, option: str, value: Any) -> Any:
-        """A value that the option accepts; the file of a light, if beside the study, with its whole path."""
+        """A value that the option accepts; a file that lies beside the study, with its whole path."""
         try:
             check(self.cls, option, value)
         except InputError as error:
             rule = str(error).removeprefix(f"{self.cls.name}.{option}")
             raise self._document.error(path, f"{path_text(path)}{rule}") from error
-        if self.cls is not FileLight or option != "file":
+        if self.cls not in FILES or option != "file":
             return value
         try:
-            found = locate(value, beside=self._folder)
+            found = locate(value, self._folder, FILES[self.cls])
         except InputError as error:
             raise self._document.error(path, f"{path_text(path)}: {error}") from error
         return str(found) if found == self._folder / value else value

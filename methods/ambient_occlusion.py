@@ -93,6 +93,6 @@ class AmbientOcclusion(Method):
         ambient: Tensor,
     ) -> Tensor:
         """Radiance (P, 3)."""
-        reflectance = material.reflectance(points.device)
+        reflectance = material.as_lobes(points.device)
         open_scene = lobe_radiance(points, reflectance, lobe_sums, calibration, maps, NoShadows(1), self.energy)
         return ambient.to(points.device)[:, None] * open_scene

@@ -106,7 +106,7 @@ class FilteredImportanceSampling(Method):
 
     def n_samples(self, material: Material) -> int:
         """Samples of all lobes: at least one each."""
-        return sum(material.reflectance().share(self.samples))
+        return sum(material.as_lobes().share(self.samples))
 
     @stage
     def light_coefficients(self, light: CubeMap) -> Tensor | None:
@@ -137,7 +137,7 @@ class FilteredImportanceSampling(Method):
         visibility_coefficients: PerPoint | None = None,
     ) -> Tensor:
         """Radiance (P, 3)."""
-        reflectance = material.reflectance(points.device)
+        reflectance = material.as_lobes(points.device)
         occluder = occluder_of(scene) if self.visibility == "rays" else None
         u = points_2d(self.samples, self.points, self.seed).to(points.device)
         level = self._level(self.samples, points.device)

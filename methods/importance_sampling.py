@@ -46,7 +46,7 @@ class ImportanceSampling(Method):
 
     def n_samples(self, material: Material) -> int:
         """Samples of all lobes: at least one each."""
-        return sum(material.reflectance().share(self.samples))
+        return sum(material.as_lobes().share(self.samples))
 
     @stage
     def texels(self, light: CubeMap) -> Environment:
@@ -57,7 +57,7 @@ class ImportanceSampling(Method):
         self, points: ShadingPoints, material: Material, texels: Environment, irradiance: Tensor, scene: Any = None
     ) -> Tensor:
         """Radiance (P, 3)."""
-        reflectance = material.reflectance(points.device)
+        reflectance = material.as_lobes(points.device)
         occluder = occluder_of(scene) if self.visibility == "rays" else None
         u = points_2d(self.samples, self.points, self.seed).to(points.device)
         radiance = visible_diffuse(points, reflectance, irradiance, occluder, texels, u)

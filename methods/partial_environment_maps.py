@@ -121,5 +121,5 @@ class PartialEnvironmentMaps(Method):
         shadows: Shadows,
     ) -> Tensor:
         """Radiance (P, 3)."""
-        reflectance = material.reflectance(points.device)
+        reflectance = material.as_lobes(points.device)
         return lobe_radiance(points, reflectance, lobe_sums, calibration, maps, shadows, self.energy)

@@ -97,11 +97,11 @@ class RegularSampling(Method):
     @stage
     def patterns(self, material: Material) -> tuple[Pattern, ...]:
         """The pattern of each lobe."""
-        lobes = material.reflectance().lobes
+        lobes = material.as_lobes().lobes
         return tuple(self._pattern(lobe, angles) for lobe, angles in zip(lobes, self._angles(material), strict=True))
 
     def _angles(self, material: Material) -> list[Tensor]:
-        reflectance = material.reflectance()
+        reflectance = material.as_lobes()
         if self.n_circles is None or self.spacing is None:
             budgets = reflectance.share(self.samples)
             return [_nearest_pattern(lobe, self.xi, n) for lobe, n in zip(reflectance.lobes, budgets, strict=True)]
@@ -128,7 +128,7 @@ class RegularSampling(Method):
         scene: Any = None,
     ) -> Tensor:
         """Radiance (P, 3)."""
-        reflectance = material.reflectance(points.device)
+        reflectance = material.as_lobes(points.device)
         bias = torch.tensor(self.mip_bias, device=points.device)
         occluder = occluder_of(scene) if self.visibility == "rays" else None
         u = points_2d(self.samples).to(points.device)

@@ -11,7 +11,7 @@ import numpy as np
 from glossbench.metrics import METRICS
 
 KINDS = ("light", "material", "view")
-JSON = (*(f"{kind}_options" for kind in KINDS), "options", "tuned", "stage_seconds", "update_seconds")
+JSON = (*(f"{kind}_options" for kind in KINDS), "options", "tuned", "stage_seconds", "update_seconds", "notes")
 
 
 @dataclass(frozen=True)

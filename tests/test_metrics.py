@@ -23,6 +23,8 @@ BY_HAND = {
     "relative_rms": sqrt(1.5) / 2,
     "relative_l1": 5 / 12,
     "mean_error": 1 / 6,
+    "mean_absolute_error": 5 / 6,
+    "mean_relative_error": (1 / 1 + 2 / 3) / 6,
     "max_error": 2.0,
     "mrse": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,
     "mrse_trimmed": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,  # a thousandth of two pixels is none
@@ -163,6 +165,8 @@ def scalar(name, picture, truth):
         "relative_rms": sqrt(squared) / (sum(y for _, y in numbers) / n),
         "relative_l1": sum(abs(x - y) for x, y in numbers) / sum(y for _, y in numbers),
         "mean_error": sum(x - y for x, y in numbers) / n,
+        "mean_absolute_error": sum(abs(x - y) for x, y in numbers) / n,
+        "mean_relative_error": sum(abs(x - y) / y for x, y in numbers if y > 0) / n,
         "max_error": max(abs(x - y) for x, y in numbers),
         "mrse": sum(relative) / len(relative),
         "mrse_trimmed": sum(relative[: len(relative) - len(relative) // 1000])
@@ -252,6 +256,8 @@ FROM_MAP = {
     "mrse": lambda e: e.mean(),
     "mrse_trimmed": lambda e: np.sort(e)[: e.size - e.size // 1000].mean(),
     "smape": lambda e: e.mean(),
+    "mean_absolute_error": lambda e: e.mean(),
+    "mean_relative_error": lambda e: e.mean(),
     "ssim": lambda e: 1 - e.mean(),
     "flip": lambda e: e.mean(),
 }

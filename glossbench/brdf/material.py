@@ -59,6 +59,10 @@ class Material(Options):
         """The model as tensors on a device."""
         raise NotImplementedError
 
+    def as_lobes(self, device: str = "cpu") -> Reflectance:
+        """What methods that draw samples take: the material itself, but for a measured one, which is fitted."""
+        return self.reflectance(device)
+
     def f(self, wo: Vec3, wi: Vec3) -> Channels:
         """BRDF value [1/sr] a channel, the cosine not included; zero when a direction is below the surface."""
         return self.reflectance().f(wo, wi)

@@ -76,7 +76,17 @@ class Sum(Material):
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
-        parts = [material.reflectance(device) for material in self.of]
+        return self._summed([material.reflectance(device) for material in self.of])
+
+    def as_lobes(self, device: str = "cpu") -> Reflectance:
+        """The sum of what methods that draw samples take for each."""
+        return self._summed([material.as_lobes(device) for material in self.of])
+
+    def notes(self) -> tuple[str, ...]:
+        """The notes of the materials."""
+        return tuple(note for material in self.of for note in material.notes())
+
+    def _summed(self, parts: list[Reflectance]) -> Reflectance:
         diffuse: Channels = ()
         lobes = []
         for part, weight in zip(parts, self.weights or (1.0,) * len(parts), strict=True):

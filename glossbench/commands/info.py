@@ -82,6 +82,8 @@ def _describe_class(kind: str, cls: Any) -> None:
     if table.row_count:
         out.print(table)
         out.print()
+    if kind == "material" and any(entry.name == cls.name and entry.local() for entry in entries("brdf")):
+        print_rows({"holds": "\n".join(cls.create({}).notes())})
 
 
 def _word(value: str | bool) -> str:

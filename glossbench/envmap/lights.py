@@ -99,7 +99,7 @@ def light_named(text: str, options: Mapping[str, Any]) -> Light:
     return LIGHTS.create(name, {**stated, **options})
 
 
-def locate(file: str, beside: Path | None = None) -> Path:
+def locate(file: str, beside: Path | None = None, what: str = "image file") -> Path:
     """The existing file that a name means: as it stands, beside the study, below GLOSSBENCH_DATA, or fetched.
 
     Raises:
@@ -114,4 +114,4 @@ def locate(file: str, beside: Path | None = None) -> Path:
         if matching:
             return matching[0]
     where = f"not below {DATA_VARIABLE}={folder}" if folder else f"and {DATA_VARIABLE} names no folder of data"
-    raise InputError(f"no image file {file!r}: not in {Path.cwd()} {where}")
+    raise InputError(f"no {what} {file!r}: not in {Path.cwd()} {where}")

@@ -80,6 +80,10 @@ class View(Options):
         """The geometry, equal for all views of the same one."""
         raise NotImplementedError
 
+    def recorded(self, radiance: Tensor) -> Tensor:
+        """What metrics compare of an image's or a reference's radiance; by default all of it."""
+        return radiance
+
 
 VIEWS: Registry[View] = Registry("view", "glossbench.scene", "glossbench.views")
 

@@ -1,0 +1,47 @@
+"""Colour of a spectral reflectance: CIE 1931 and D65 at 400, 410 ... 700 nm, to linear Rec. 709."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+WAVELENGTHS = np.arange(400.0, 701.0, 10.0)  # nm
+
+# Colour-matching functions of the CIE 1931 standard observer (2 degrees) and relative power of illuminant D65.
+# Source: CIE 15:2004, tables T.4 and T.1.
+X_BAR = (
+    0.01431, 0.04351, 0.13438, 0.2839, 0.34828, 0.3362, 0.2908, 0.19536, 0.09564, 0.03201, 0.0049, 0.0093,
+    0.06327, 0.1655, 0.2904, 0.43345, 0.5945, 0.7621, 0.9163, 1.0263, 1.0622, 1.0026, 0.85445, 0.6424, 0.4479,
+    0.2835, 0.1649, 0.0874, 0.04677, 0.0227, 0.011359,
+)  # fmt: skip
+Y_BAR = (
+    0.000396, 0.00121, 0.004, 0.0116, 0.023, 0.038, 0.06, 0.09098, 0.13902, 0.20802, 0.323, 0.503, 0.71, 0.862,
+    0.954, 0.99495, 0.995, 0.952, 0.87, 0.757, 0.631, 0.503, 0.381, 0.265, 0.175, 0.107, 0.061, 0.032, 0.017,
+    0.00821, 0.004102,
+)  # fmt: skip
+Z_BAR = (
+    0.06785, 0.2074, 0.6456, 1.3856, 1.74706, 1.77211, 1.6692, 1.28764, 0.81295, 0.46518, 0.272, 0.1582,
+    0.07825, 0.04216, 0.0203, 0.00875, 0.0039, 0.0021, 0.00165, 0.0011, 0.0008, 0.00034, 0.00019, 0.00005,
+    0.00002, 0, 0, 0, 0, 0, 0,
+)  # fmt: skip
+D65 = (
+    82.7549, 91.486, 93.4318, 86.6823, 104.865, 117.008, 117.812, 114.861, 115.923, 108.811, 109.354, 107.802,
+    104.79, 107.689, 104.405, 104.046, 100.0, 96.3342, 95.788, 88.6856, 90.0062, 89.5991, 87.6987, 83.2886,
+    83.6992, 80.0268, 80.2146, 82.2778, 78.2842, 69.7213, 71.6091,
+)  # fmt: skip
+# Source: ITU-R BT.709 primaries with white D65.
+XYZ_TO_REC709 = (
+    (3.2404542, -1.5371385, -0.4985314),
+    (-0.9692660, 1.8760108, 0.0415560),
+    (0.0556434, -0.2040259, 1.0572252),
+)
+
+
+def rec709(reflectance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Linear Rec. 709 (..., 3) of spectral reflectances (..., 31) seen under D65.
+
+    Under D65, the white of Rec. 709, a grey surface stays grey: a reflectance of 1 is (1, 1, 1). Each channel is
+    divided by its sum for that white, which takes what lies outside 400 to 700 nm back in: less than 1 %. Saturated
+    colours lie outside the gamut and have negative channels.
+    """
+    weights = np.array([X_BAR, Y_BAR, Z_BAR]) * np.array(D65)
+    weights = np.array(XYZ_TO_REC709) @ weights
+    return reflectance @ (weights / weights.sum(1, keepdims=True)).T

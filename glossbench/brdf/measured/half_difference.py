@@ -1,0 +1,34 @@
+"""Half vector and difference: the coordinates in which BRDFs are tabulated."""
+
+from math import pi
+
+import torch
+from torch import Tensor
+
+from glossbench.directions import Vec3, dot, half_vector
+
+
+def half_difference(wo: Vec3, wi: Vec3) -> tuple[Tensor, Tensor, Tensor]:
+    """theta_h, theta_d in [0, pi/2] and phi_d in [0, pi) of two directions above the surface.
+
+    h in the frame of the normal, wi in that of h: x towards larger theta_h, y towards larger phi_h. phi_d is taken
+    modulo pi: to swap wo and wi is to turn the difference by pi.
+
+    Source: Rusinkiewicz 1998.
+    """
+    h = half_vector(wo, wi)
+    theta_h = torch.atan2(torch.sqrt(h.x * h.x + h.y * h.y), h.z)
+    # Half the difference and half the sum of unit vectors are sine and cosine of theta_d, with all their digits.
+    parts = [Vec3(wi.x + s * wo.x, wi.y + s * wo.y, wi.z + s * wo.z) for s in (-1, 1)]
+    theta_d = torch.atan2(*(torch.sqrt(dot(p, p)) for p in parts))
+    e_x, e_y = azimuth(h)
+    along = wi.x * e_x + wi.y * e_y
+    phi_d = torch.atan2(wi.y * e_x - wi.x * e_y, along * h.z - wi.z * torch.sin(theta_h))
+    return theta_h, theta_d, torch.remainder(phi_d, pi)
+
+
+def azimuth(v: Vec3) -> tuple[Tensor, Tensor]:
+    """Cosine and sine of the azimuth of a direction; 1 and 0 of the normal."""
+    length2 = v.x * v.x + v.y * v.y
+    inverse, at_pole = torch.rsqrt(length2.clamp(min=1e-20)), length2 < 1e-14
+    return torch.where(at_pole, 1.0, v.x * inverse), torch.where(at_pole, 0.0, v.y * inverse)

@@ -1,0 +1,75 @@
+"""The lobe of a measured BRDF: values of a table, sampled by the table's own density."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from glossbench.brdf.lobe import Channels, Lobe, Sample, widen
+from glossbench.brdf.measured.half_vector_density import HalfVectorDensity, TabulatedPoints, half_vector_density
+from glossbench.directions import Vec3, dot, half_vector, reflect
+
+
+class Table(Protocol):
+    """An isotropic BRDF as a file states it; directions above the surface."""
+
+    def value(self, wo: Vec3, wi: Vec3) -> Channels:
+        """f [1/sr], red, green and blue, not negative; where nothing was measured, a filling or 0."""
+
+    def known(self, wo: Vec3, wi: Vec3) -> Tensor:
+        """Whether f was measured there, and is no filling of the table."""
+
+
+@dataclass(frozen=True)
+class MeasuredLobe(Lobe):
+    """f = ks times the value of a table.
+
+    Its half vectors are drawn by `HalfVectorDensity`, so that the density of wi is p(h) / (4 c).
+
+    Attributes:
+        known_only: black where nothing was measured; else what fills the table there.
+    """
+
+    table: Table
+    known_only: bool
+    density: HalfVectorDensity
+
+    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, Tensor]:
+        """`f` and `pdf`."""
+        h = half_vector(wo, wi)
+        above = (wo.z > 0) & (wi.z > 0)
+        pdf = torch.where(above, self.density.pdf(wo, h) / (4 * dot(wo, h)), 0.0)
+        values = table_values(self.table, self.known_only, wo, wi)
+        return tuple(torch.where(above, ks * v, 0.0) for ks, v in zip(widen(self.ks, 3), values, strict=True)), pdf
+
+    def sample_points(self, u: Tensor) -> TabulatedPoints:
+        """Half vectors for each tabulated angle of the view."""
+        return self.density.sample_points(u)
+
+    def sample(self, wo: Vec3, points: TabulatedPoints) -> Sample:
+        """Mirror directions at the half vectors."""
+        h, quarter_pdf = self.density.half_vectors(wo, points)
+        c = dot(wo, h)
+        wi = reflect(wo, h)
+        visible = (wi.z > 0) & (c > 0)
+        pdf = quarter_pdf / c.clamp(min=1e-4)
+        weight = tuple(torch.where(visible, f * wi.z / pdf, 0.0) for f in self.f(wo, wi))
+        return Sample(wi, pdf, weight)
+
+
+def measured_lobe(table: Table, known_only: bool, device: str) -> MeasuredLobe:
+    """The lobe of a table on a device; its widths are those of the density seen along the normal."""
+    density = half_vector_density(partial(table_values, table, known_only), device)
+    m = torch.tensor(density.width(), dtype=torch.float32, device=device)
+    return MeasuredLobe((m, m), (torch.ones((), device=device),), table, known_only, density)
+
+
+def table_values(table: Table, known_only: bool, wo: Vec3, wi: Vec3) -> Channels:
+    """f of a table, black where it is filled and only what is known counts."""
+    values = table.value(wo, wi)
+    if not known_only:
+        return values
+    known = table.known(wo, wi)
+    return tuple(torch.where(known, value, 0.0) for value in values)

@@ -1,0 +1,190 @@
+"""Measured materials from files: a table for the reference, lobes fitted to it for methods that draw samples."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+from torch import Tensor
+
+from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.brdf.measured.cornell import read_cornell
+from glossbench.brdf.measured.fitting import Fit, fit_lobes
+from glossbench.brdf.measured.lobe import MeasuredLobe, Table, measured_lobe
+from glossbench.brdf.measured.merl import read_merl
+from glossbench.brdf.measured.rgl import read_rgl
+from glossbench.directions import Vec3, cosine_hemisphere, points_2d
+from glossbench.envmap.lights import locate
+from glossbench.errors import InputError
+
+Format = Literal["cornell", "merl", "rgl"]
+READERS: dict[Format, Callable[[Path, str], tuple[Table, int]]] = {
+    "cornell": read_cornell,
+    "merl": read_merl,
+    "rgl": read_rgl,
+}
+FORMATS: dict[str, Format] = {".brdf": "cornell", ".binary": "merl", ".bsdf": "rgl"}
+
+
+@dataclass(frozen=True)
+class MeasuredFacts:
+    """What a measurement holds.
+
+    Attributes:
+        format: cornell, merl or rgl.
+        known_share: of all pairs of directions, by projected solid angle, those that were measured, [0, 1].
+        n_negative: values below 0, which are taken as 0.
+        fit: lobes for methods that draw samples; None where they take the table.
+    """
+
+    format: Format
+    known_share: float
+    n_negative: int
+    fit: Fit | None
+
+
+class MeasuredMaterial(Material):
+    """f(wo, wi) of a measurement, isotropic.
+
+    The reference, and every method that evaluates f at directions of its own choice, take the table itself, sampled by
+    a tabulated density of half vectors. Methods that draw samples by lobes take a fit, whose error shows in theirs.
+
+    Attributes:
+        unknown: f where nothing was measured: "black", or "extrapolated": the product of the factors (cornell), the
+            authors' filling (rgl). MERL files have nothing there, and are black.
+        samplers: what methods that draw samples get: lobes of a model, fitted, or the table with its own density.
+        lobes: of the fit, beside a diffuse part.
+    """
+
+    unknown: Literal["black", "extrapolated"] = "black"
+    samplers: Literal["kurt", "ward", "cosine_lobes", "table"] = "kurt"
+    lobes: Annotated[int, Field(ge=1, le=4)] = 2
+
+    def path(self) -> Path:
+        """The file, which is fetched where it is one of the catalogue's and not here."""
+        raise NotImplementedError
+
+    def format_of(self, path: Path) -> Format:
+        """How the file is read."""
+        return FORMATS[path.suffix.lower()]
+
+    def reflectance(self, device: str = "cpu") -> Reflectance:
+        """The table as a lobe."""
+        return Reflectance((), (self._measured(device)[0],))
+
+    def as_lobes(self, device: str = "cpu") -> Reflectance:
+        """The fit, or the table."""
+        fit = self.fit()
+        return self.reflectance(device) if fit is None else fit.material.reflectance(device)
+
+    def fit(self) -> Fit | None:
+        """The lobes that stand for the table where samples are drawn, with their error; None where it is the table."""
+        if self.samplers == "table":
+            return None
+        return _fit(*self._read_as(), self.unknown == "black", self.samplers, self.lobes)
+
+    def known(self, wo: Vec3, wi: Vec3) -> Tensor:
+        """Whether f was measured there."""
+        return self._measured("cpu")[0].table.known(wo, wi) & (wo.z > 0) & (wi.z > 0)
+
+    def facts(self) -> MeasuredFacts:
+        """What the file holds, and how well the fit stands for it."""
+        a, b = (cosine_hemisphere(points_2d(1 << 16, kind)) for kind in ("hammersley", "r2"))
+        share = float(self.known(a, b).double().mean())
+        return MeasuredFacts(self._read_as()[2], share, self._measured("cpu")[1], self.fit())
+
+    def notes(self) -> tuple[str, ...]:
+        """The facts in one line."""
+        facts = self.facts()
+        elsewhere = self.unknown if facts.format != "merl" else "black"
+        told = f"{self.path().name}: {100 * facts.known_share:.1f} % of all pairs of directions measured, "
+        told += f"{elsewhere} elsewhere; {facts.n_negative} negative values taken as 0"
+        if facts.fit is None:
+            return (f"{told}; samplers take the table",)
+        model, n = self.samplers.removesuffix("_lobes"), self.lobes
+        lobes = f"{n} {model} lobe{'s' * (n > 1)}"
+        return (f"{told}; samplers take {lobes}, errors {facts.fit.mean_error:.3f} (L1), {facts.fit.error:.3f} (L2)",)
+
+    def key(self) -> str:
+        """Hash of the file's bytes, and the options that say how it is read."""
+        _, digest, format_ = self._read_as()
+        reading = {k: v for k, v in self.as_dict().items() if k not in ("file", "format")}
+        return f"measured:{format_}:{digest}:{json.dumps(reading, sort_keys=True)}"
+
+    def _read_as(self) -> tuple[Path, str, Format]:
+        path = self.path()
+        stat = path.stat()
+        return path, _digest(path, stat.st_size, stat.st_mtime_ns), self.format_of(path)
+
+    def _measured(self, device: str) -> tuple[MeasuredLobe, int]:
+        return _lobe(*self._read_as(), self.unknown == "black", device)
+
+
+# Kept, because a material is asked for its lobes by every stage of every cell, and reading takes seconds.
+
+
+@lru_cache(maxsize=8)
+def _digest(path: Path, size: int, time: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@lru_cache(maxsize=4)
+def _lobe(path: Path, digest: str, format_: Format, known_only: bool, device: str) -> tuple[MeasuredLobe, int]:
+    """The lobe of a file, and how many of its values are negative."""
+    try:
+        table, n_negative = READERS[format_](path, device)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    return measured_lobe(table, known_only, device), n_negative
+
+
+@lru_cache(maxsize=16)
+def _fit(
+    path: Path,
+    digest: str,
+    format_: Format,
+    known_only: bool,
+    model: Literal["kurt", "ward", "cosine_lobes"],
+    n_lobes: int,
+) -> Fit:
+    return fit_lobes(_lobe(path, digest, format_, known_only, "cpu")[0], model, n_lobes)
+
+
+@MATERIALS.register("measured")
+class Measured(MeasuredMaterial):
+    """f(wo, wi) of a file of Cornell's goniometer, of the MERL database or of the RGL material database; isotropic.
+
+    The reference, and every method that evaluates f at directions of its own choice, take the table itself, sampled by
+    a tabulated density of half vectors. Methods that draw samples by lobes take a fit, whose error shows in theirs.
+
+    Attributes:
+        file: path; a relative one is looked for here, beside the study and below the folder GLOSSBENCH_DATA.
+        format: of the file; by default what its name ends in: .brdf cornell, .binary merl, .bsdf rgl.
+        unknown: f where nothing was measured: "black", or "extrapolated": the product of the factors (cornell), the
+            authors' filling (rgl). MERL files have nothing there, and are black.
+        samplers: what methods that draw samples get: lobes of a model, fitted, or the table with its own density.
+        lobes: of the fit, beside a diffuse part.
+
+    Source: the readers, `glossbench.brdf.measured`: Latta and Kolb 2002 section 3.3; Matusik et al. 2003; Dupuy and
+    Jakob 2018.
+    """
+
+    file: str
+    format: Format | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.format is None and Path(self.file).suffix.lower() not in FORMATS:
+            raise InputError(f"measured.format must be stated: {self.file!r} ends in none of {', '.join(FORMATS)}")
+
+    def path(self) -> Path:
+        """The file."""
+        return locate(self.file, what="BRDF file")
+
+    def format_of(self, path: Path) -> Format:
+        """As stated, or by the name."""
+        return self.format or super().format_of(path)

@@ -1,0 +1,34 @@
+"""Mean absolute and mean relative errors, as papers tabulate them."""
+
+import numpy as np
+
+from glossbench.metrics.metric import METRICS, Floats, Mask, Metric
+
+
+@METRICS.register("mean_absolute_error")
+class MeanAbsoluteError(Metric):
+    """Mean of the absolute error."""
+
+    formula = "mean(|x - y|)"
+    unit = "radiance"
+    map_formula = formula
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """Absolute error, the mean over the channels."""
+        return np.mean(np.abs(x - y), axis=2)
+
+
+@METRICS.register("mean_relative_error")
+class MeanRelativeError(Metric):
+    """Mean of the absolute error over the reference at the same place, where that is above 0; elsewhere it counts as 0.
+
+    What is all but black decides it.
+    """
+
+    formula = "mean(|x - y| / y), 0 where y = 0"
+    unit = "1"
+    map_formula = formula
+
+    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+        """Relative error, the mean over the channels."""
+        return np.mean(np.where(y > 0, np.abs(x - y) / np.where(y > 0, y, 1), 0.0), axis=2)

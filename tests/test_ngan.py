@@ -1,0 +1,145 @@
+"""Tables of fits: what their columns mean, seen from the other models' fits of the same materials."""
+
+import re
+from math import pi
+
+import numpy as np
+import pytest
+import torch
+from test_brdf import direction, vectors
+
+from glossbench.brdf.cook_torrance import CookTorrance
+from glossbench.brdf.material import MATERIALS
+from glossbench.brdf.ngan import fits
+from glossbench.errors import InputError
+
+MODELS = ("cook_torrance", "ward", "lafortune")
+
+
+@pytest.fixture(scope="module")
+def tables(shared_data):
+    files = {model: shared_data / "brdfs" / f"ngan_{model.replace('_', '')}.fit" for model in MODELS}
+    return {model: fits(file, model) for model, file in files.items()}
+
+
+def test_all_three_tables_have_the_same_86_materials(tables):
+    assert [len(table) for table in tables.values()] == [86, 86, 86]
+    assert set(tables["ward"]) == set(tables["lafortune"]) == set(tables["cook_torrance"])
+
+
+def test_numbers_of_a_line_are_the_options(tables):
+    fit = tables["cook_torrance"]["brass"]
+
+    # Of the file: Lambertian 0.0475, 0.0313, 0.0149; 0.124, 0.0498, 0.0167; eta 0.596; roughness 0.00668.
+    assert (fit.kd, fit.ks) == ((0.0475, 0.0313, 0.0149), (0.124, 0.0498, 0.0167))
+    assert (fit.f0, fit.m, fit.factor) == ((0.596,) * 3, (0.00668, 0.00668), "1/pi")
+    assert tables["ward"]["brass"].m == (0.00729, 0.00729)
+    assert tables["lafortune"]["brass"].C == (-0.577, -0.577, 0.577)
+
+
+def value_by_hand(line, wo, wi):
+    """f of the lines' own words: D Beckmann's over pi m^2, divided by pi again; Ward 1992; Lafortune normalised."""
+    numbers = [float(n) for n in re.findall(r"(?<![\w-])-?\d[\d.]*(?:e-?\d+)?", line.split("=", 1)[1])]
+    kd, ks, rest = numbers[0], numbers[3], numbers[6:]
+    h = (wo + wi) / np.linalg.norm(wo + wi)
+    tan2 = (h[0] ** 2 + h[1] ** 2) / h[2] ** 2
+    if "CookTorrance" in line:
+        f0, m = rest
+        D = np.exp(-tan2 / m**2) / (pi * m**2 * h[2] ** 4)
+        G = min(1, 2 * h[2] * wo[2] / (wo @ h), 2 * h[2] * wi[2] / (wo @ h))
+        return kd / pi + ks * (f0 + (1 - f0) * (1 - wo @ h) ** 5) * D * G / (pi * wo[2] * wi[2])
+    if "Ward" in line:
+        return kd / pi + ks * np.exp(-tan2 / rest[0] ** 2) / (4 * pi * rest[0] ** 2 * np.sqrt(wo[2] * wi[2]))
+    c_xy, c_z, s = rest
+    cosine = c_xy * (wo[0] * wi[0] + wo[1] * wi[1]) + c_z * wo[2] * wi[2]
+    return kd / pi + ks * (s + 2) / (2 * pi) * (max(cosine, 0) / max(abs(c_xy), abs(c_z))) ** s
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_values_are_those_of_the_tables_own_formulas(tables, shared_data, model):
+    lines = (shared_data / "brdfs" / f"ngan_{model.replace('_', '')}.fit").read_text().splitlines()[2:]
+    wo, wi = direction(0.6, 0.1), direction(0.62, 0.1 + pi)
+
+    for line in lines:
+        f = tables[model][line.split(" = ")[0]].f(vectors([wo]), vectors([wi]))
+
+        # Float32 of an exponent of up to 1e4: measured 3e-3.
+        assert float(f[0]) == pytest.approx(value_by_hand(line, wo, wi), rel=1e-2)
+
+
+def metals_against_ward(tables, factor="1/pi"):
+    """Highlights of the Cook-Torrance fits along the normal over those of the Ward fits, where f0 is above 0.5."""
+    normal = vectors([[0.0, 0.0, 1.0]])
+    ratios = []
+    for name, fit in tables["cook_torrance"].items():
+        if fit.f0[0] > 0.5:
+            peak = CookTorrance(m=fit.m, f0=fit.f0, ks=fit.ks, factor=factor).f(normal, normal)
+            ward = tables["ward"][name]
+            other = type(ward)(m=ward.m, ks=ward.ks).f(normal, normal)
+            ratios.append(float(torch.stack(peak).mean() / torch.stack(other).mean()))
+    return np.array(ratios)
+
+
+def test_two_models_agree_on_the_highlights_of_metals(tables):
+    ratios = metals_against_ward(tables)
+
+    # Measured: median 0.87, from 0.73 to 1.04 between the 10th and the 90th percentile.
+    assert len(ratios) == 25
+    assert 0.8 < np.median(ratios) < 1.0
+
+
+def test_with_the_factor_of_today_they_agree_less(tables):
+    assert abs(np.log(np.median(metals_against_ward(tables, "1/4")))) > abs(
+        np.log(np.median(metals_against_ward(tables)))
+    )
+
+
+def test_no_fit_returns_more_light_than_it_receives_up_to_60_degrees(tables):
+    wo = vectors([direction(theta, 0.0) for theta in (0.0, 0.5, 1.0)])
+
+    brightest = max(float(fit.albedo(wo, 64).max()) for table in tables.values() for fit in table.values())
+
+    assert 0.3 < brightest < 0.6  # white paint; measured 0.45
+
+
+def test_a_material_is_made_by_name_and_its_nearest_name_is_offered(shared_data, monkeypatch):
+    monkeypatch.setenv("GLOSSBENCH_DATA", str(shared_data))
+
+    chrome = MATERIALS.create("ngan", {"material": "chrome", "model": "ward"})
+
+    assert chrome.fitted().m == (0.0101, 0.0101)
+    assert chrome.key() != MATERIALS.create("ngan", {"material": "brass", "model": "ward"}).key()
+    with pytest.raises(InputError, match=r"the tables have no 'chrom'; did you mean 'chrome'\?"):
+        MATERIALS.create("ngan", {"material": "chrom"})
+    with pytest.raises(InputError, match=r"ngan\.model must be 'cook_torrance', 'ward' or 'lafortune', got 'phong'"):
+        MATERIALS.create("ngan", {"material": "chrome", "model": "phong"})
+
+
+LINE = "chrome = Aggregate(Lambertian(albedo = [0.1, 0.1, 0.1]), NganWard(albedo = [0.1, 0.1, 0.1], roughness = 0.1))\n"
+WRONG = {
+    "nothing": ("", "no table of fits: it is empty"),
+    "comments alone": ("# fits\n", "no table of fits: it is empty"),
+    "a line cut off": (LINE + LINE[:70], "x.fit:2: no ward fit: 'chrome = Aggregate"),
+    "code": ("chrome = __import__('os')\n", "x.fit:1: no ward fit"),
+    "another model": (LINE.replace("NganWard", "NganPhong"), "x.fit:1: no ward fit"),
+    "a width above 1": (LINE.replace("roughness = 0.1", "roughness = 1.5"), "ward.m"),
+    "NaN": (LINE.replace("roughness = 0.1", "roughness = nan"), "no ward fit"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_files_that_are_none_are_refused(tmp_path, name):
+    content, message = WRONG[name]
+    path = tmp_path / "x.fit"
+    path.write_text(content)
+
+    with pytest.raises(InputError, match=message):
+        fits(path, "ward")
+
+
+def test_bytes_are_refused(tmp_path):
+    path = tmp_path / "x.fit"
+    path.write_bytes(bytes(range(256)))
+
+    with pytest.raises(InputError, match="no table of fits: holds more than plain text"):
+        fits(path, "ward")
