@@ -19,8 +19,10 @@ from . import figures
 from .cells import Cell, Group, grouped, listed, parsed
 from .images import MOST_MAPS, MOST_PICTURES, chosen, mapped, maps_of, pictures_of
 from .pictures import CLIPPED_SHARE, WHITE
+from .scripts import TEMPLATES, module, policy
 
 MANY_PATTERNS = 12
+PAGE = ("tables.js",)
 
 
 def write_report(folder: Path) -> Path:
@@ -30,7 +32,7 @@ def write_report(folder: Path) -> Path:
     metrics = [name for name in _metrics(results.study) if name in results.cells.columns]
     groups = grouped(rows, metrics)
     templates = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -38,7 +40,11 @@ def write_report(folder: Path) -> Path:
     )
     templates.filters |= {"number": figures.number, "count": _count, "samples": _samples}
     templates.filters |= {"options": listed, "breakable": _breakable}
+    viewer = sorted(path.name for path in TEMPLATES.glob("viewer*.js"))
+    scripts = [module(names) for names in (PAGE, viewer) if names]
     page = templates.get_template("report.html").render(
+        scripts=scripts,
+        policy=policy(scripts),
         study=results.study,
         study_yaml=yaml.safe_dump(results.study, sort_keys=False, allow_unicode=True),
         claims=results.claims,
