@@ -5,7 +5,6 @@ They are matplotlib figures without global state; `svg` gives the same bytes for
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from io import StringIO
 from typing import Any
 
@@ -16,7 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from .pictures import SIGNED, UNSIGNED, Floats, Mask
+from .lines import COSTS, Axis, Line
+from .pictures import SIGNED, UNSIGNED, Floats
 
 INK, PAPER = "#1a1a1a", "#fefefe"
 # Okabe and Ito 2008 without yellow and black: told apart by colour-blind readers, on white and on near-black.
@@ -39,31 +39,6 @@ RC: dict[Any, Any] = {
 } | dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK)
 
 
-@dataclass(frozen=True)
-class Line:
-    """One method with its options: what it reached with each budget, in order of samples.
-
-    Attributes:
-        index: its place in the study, which gives colour and marker: the same in every plot.
-        errors: the size of the metric.
-        at_floor: true where the reference cannot resolve the RMS error.
-    """
-
-    name: str
-    index: int
-    samples: Floats
-    milliseconds: Floats
-    errors: Floats
-    at_floor: Mask
-
-    def slope(self) -> float | None:
-        """Fitted slope of log error over log samples; None below three resolved points."""
-        use = ~self.at_floor & (self.errors > 0) & np.isfinite(self.errors)
-        if len(set(self.samples[use])) < 3:
-            return None
-        return float(np.polyfit(np.log(self.samples[use]), np.log(self.errors[use]), 1)[0])
-
-
 def number(value: float | None, digits: int = 3) -> str:
     """A number with so many significant digits, as print sets it: 0.0123, 1240, 1.20×10⁻⁶; – for none."""
     if value is None or np.isnan(value):
@@ -83,34 +58,15 @@ def _tick(value: float, _: int | None = None) -> str:
     return text.removeprefix("1×")
 
 
-@dataclass(frozen=True)
-class Axis:
-    """The axis of a metric.
-
-    Attributes:
-        label: of the axis.
-        noise: of the reference, in the metric's unit; 0 where it has no such meaning.
-        is_log: for errors; a metric that is higher for better images has a linear axis.
-    """
-
-    label: str
-    noise: float = 0.0
-    is_log: bool = True
-
-    def shows(self, values: Floats) -> Mask:
-        """Which values have a place on it."""
-        return np.isfinite(values) & ((values > 0) | (not self.is_log))
-
-
 @rc_context(RC)
 def error_over(quantity: str, lines: Sequence[Line], axis: Axis) -> Figure:
-    """Plot of a metric over `samples` or `milliseconds`; shaded up to twice the reference's noise."""
+    """Plot of a metric over `samples` or a cost of `COSTS`; shaded up to twice the reference's noise."""
     handles = len(lines) + 1
     figure = Figure(figsize=(4.7, 2.9 + 0.19 * handles), layout="constrained")
     ax = figure.add_subplot()
     ax.set_xscale("log")
     for line in lines:
-        x = getattr(line, quantity)
+        x = _over(line, quantity)
         style = _style(line)
         slope = line.slope() if quantity == "samples" and axis.is_log else None
         label = line.name + ("" if slope is None else f", slope {number(slope)}")
@@ -118,16 +74,20 @@ def error_over(quantity: str, lines: Sequence[Line], axis: Axis) -> Figure:
         ax.plot(x[seen], line.errors[seen], label=label, ls="-" if seen.sum() > 1 else "", **style)
         ax.plot(x[seen & line.at_floor], line.errors[seen & line.at_floor], ls="", mfc=PAPER, **style)
     band = _scaled(ax, "y", axis, lines)
-    values = sorted({float(x) for line in lines for x in getattr(line, quantity) if x > 0})
+    values = sorted({float(x) for line in lines for x in _over(line, quantity) if x > 0})
     if quantity == "samples" and values:
         ax.xaxis.set_major_locator(FixedLocator(_apart(values)))
     else:
         ax.xaxis.set_major_locator(_locator(values))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_formatter(FuncFormatter(_tick))
-    ax.set_xlabel({"samples": "light samples a pixel", "milliseconds": "shading time [ms]"}[quantity])
+    ax.set_xlabel(COSTS.get(quantity, "light samples a pixel"))
     _legend(figure, ax, band)
     return figure
+
+
+def _over(line: Line, quantity: str) -> Floats:
+    return line.samples if quantity == "samples" else line.costs[quantity]
 
 
 @rc_context(RC)

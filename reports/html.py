@@ -1,8 +1,6 @@
 """The HTML report of a study: one file, read from what the run left on disk, that opens without a network."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +9,14 @@ import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from glossbench.comparisons import noise_of
 from glossbench.metrics import METRICS
 from glossbench.results import Results, replacing
 
 from . import figures
 from .cells import Cell, Group, grouped, listed, parsed
 from .images import MOST_MAPS, MOST_PICTURES, chosen, mapped, maps_of, pictures_of
-from .pictures import CLIPPED_SHARE, WHITE
+from .lines import Place, axis_of, lines_at
+from .pictures import CLIPPED_SHARE, WHITE, Floats
 from .scripts import TEMPLATES, module, policy
 
 MANY_PATTERNS = 12
@@ -108,40 +106,20 @@ def _sections(results: Results, groups: Sequence[Group], metrics: Sequence[str])
 
 def _plots(group: Group, metric: str, name: str, over_time: bool) -> list[Markup]:
     """A metric over samples, or by method where each has one budget; and over shading time."""
-    lines = []
-    done = [cell for cell in group.done if cell.row.get(metric) is not None]
-    for index, members in groupby(done, key=lambda cell: cell.index):
-        own = list(members)
-        n, seconds, values = (
-            np.array([c.row[key] for c in own], float) for key in ("n_samples", "shade_seconds", metric)
-        )
-        at_floor = np.array([bool(c.row["at_noise_floor"]) for c in own])
-        lines.append(figures.Line(own[0].name, index, n, 1e3 * seconds, values, at_floor))
+    place = Place(group.title, [group])
+    lines, axis = lines_at(place, metric), axis_of(place, metric)
     if not lines:
         return []
-    axis = _axis(metric, group.reference)
-    if axis.is_log:
-        lines = [replace(line, errors=np.abs(line.errors)) for line in lines]
     swept = any(len(set(line.samples)) > 1 for line in lines)
     drawn = [figures.error_over("samples", lines, axis) if swept else figures.error_by_method(lines, axis)]
     if over_time:
-        drawn.append(figures.error_over("milliseconds", lines, axis))
+        drawn.append(figures.error_over("shade", lines, axis))
     return [Markup(figures.svg(figure, f"{name}-{i}")) for i, figure in enumerate(drawn)]
-
-
-def _axis(metric: str, reference: Mapping[str, Any]) -> figures.Axis:
-    """How a metric is plotted: signed ones by their size; one of a plug-in that is not installed as an error."""
-    if metric not in METRICS.names():
-        return figures.Axis(metric)
-    cls = METRICS.get(metric)
-    unit = "" if cls.unit == "1" else f" [{cls.unit}]"
-    label = f"|{metric}|{unit}" if cls.signed else f"{metric}{unit}"
-    return figures.Axis(label, noise_of(reference, reference, metric), cls.lower_is_better)
 
 
 def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
     """Half vectors that the pixels share, equal ones once; only their number where there are too many."""
-    found: dict[Any, tuple[Group, Cell, figures.Floats]] = {}
+    found: dict[Any, tuple[Group, Cell, Floats]] = {}
     for group in groups:
         for cell in group.done:
             half_vectors = results.half_vectors(cell.row["key"])

@@ -13,7 +13,7 @@ import yaml
 from PIL import Image
 
 from glossbench.metrics import METRICS
-from glossbench.reports import figures, html, images, pictures
+from glossbench.reports import figures, html, images, lines, pictures
 
 SCRIPT = "<script>alert('x')</script>"
 N = 64
@@ -408,7 +408,7 @@ def test_slope_is_fitted_through_resolved_points():
     rms[-1] = 0.1  # held up by the reference's noise
 
     def line(k, at_floor):
-        return figures.Line("m", 0, n[:k], n[:k], rms[:k], np.array(at_floor[:k]))
+        return lines.Line("m", 0, n[:k], {"shade": n[:k]}, rms[:k], np.array(at_floor[:k]))
 
     assert line(4, [False, False, False, True]).slope() == pytest.approx(-0.75)
     assert line(4, [False] * 4).slope() > -0.7
