@@ -35,9 +35,9 @@ def _area_weights(n: int, m: int) -> Floats:
     return np.clip(high - low, 0, None) * m / n
 
 
-def picture(radiance: Floats, mask: Mask, exposure: float) -> bytes:
+def picture(radiance: Floats, mask: Mask, exposure: float, largest: int = 256) -> bytes:
     """PNG of radiance times exposure through the sRGB curve, clipped at white; transparent off the mask."""
-    linear, share = downscaled(radiance, mask)
+    linear, share = downscaled(radiance, mask, largest)
     linear = np.clip(linear * exposure, 0, 1)
     curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     rgba = np.round(255 * np.dstack([curve, np.clip(share, 0, 1)])).astype(np.uint8)
