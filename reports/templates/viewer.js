@@ -78,8 +78,8 @@ class Viewer {
     }, { once: true });
     const isPlain = this.painter instanceof PlainPainter;
     this.root.querySelector('.viewer-painter').textContent = isPlain
-      ? 'There is no WebGL2 here that a graphics card speeds up, so the processor colours the images: a new exposure or '
-        + 'error takes longer, and zoomed out it is the colours that are averaged.'
+      ? 'No graphics card speeds up WebGL2 here, so the processor colours the images: a new exposure or error takes '
+        + 'longer, and zoomed out it is the colours that are averaged.'
       : 'Drawn with WebGL2.';
     this.root.dataset.painter = isPlain ? 'plain' : 'webgl2';
   }

@@ -104,10 +104,9 @@ class Controls {
 
   // The pixel under the pointer, or in the middle of the view.
   read() {
-    const { viewer } = this, { group, reference, size } = viewer;
-    if (!size) return;
-    const { x: px, y: py } = viewer.pointer ?? { x: size.width / 2, y: size.height / 2 };
-    const at = pointed(viewer, px, py);
+    const { viewer } = this, { group, reference, panes } = viewer;
+    if (!panes) return;
+    const point = viewer.pointer ?? middle(viewer), at = pointed(viewer, point.x, point.y);
     if (!at?.pane.image?.half || !reference?.half) return;
     const x = Math.floor(at.x), y = Math.floor(at.y), i = 4 * (y * group.width + x);
     const inside = x >= 0 && y >= 0 && x < group.width && y < group.height && HALF[reference.half[i + 3]] >= 0.5;

@@ -6,6 +6,10 @@ function drawInk(viewer) {
   const canvas = viewer.stage.querySelector('.viewer-ink'), context = canvas.getContext('2d');
   context.setTransform(viewer.ratio, 0, 0, viewer.ratio, 0, 0);
   context.clearRect(0, 0, viewer.size.width, viewer.size.height);
+  const style = getComputedStyle(viewer.stage);
+  const named = ['paper', 'ink', 'quiet'].map((name) => [name, style.getPropertyValue(`--${name}`)]);
+  const colours = Object.fromEntries(named);
+  if (viewer.state.layout === 'all') inkGaps(context, viewer, colours);
   for (const pane of viewer.panes) {
     context.save();
     context.beginPath();
@@ -13,9 +17,18 @@ function drawInk(viewer) {
     context.clip();
     if (pane.image?.half && viewer.reference?.half && pane.scale >= VALUES_FROM) inkValues(context, viewer, pane);
     inkCrops(context, viewer, pane);
-    inkName(context, viewer, pane);
     context.restore();
+    inkName(context, viewer, pane, colours);
   }
+}
+
+// Paper between panes, and where there is none.
+function inkGaps(context, { panes, size }, colours) {
+  context.fillStyle = colours.paper;
+  context.beginPath();
+  context.rect(0, 0, size.width, size.height);
+  for (const { rect } of panes) context.rect(rect.x, rect.y, rect.width, rect.height);
+  context.fill('evenodd');
 }
 
 function inkText(context, text, x, y, align = 'center') {
@@ -29,22 +42,23 @@ function inkText(context, text, x, y, align = 'center') {
 }
 
 function inkValues(context, viewer, pane) {
-  const { image, scale, origin } = pane, { width } = image, seen = visible(viewer, pane);
-  const isImage = viewer.lookOf(pane.index).mode === 'image';
+  const { image, scale, origin, index } = pane, { reference } = viewer, { x, y, width, height } = visible(viewer, pane);
+  const look = viewer.lookOf(index), under = coloured(image, reference, look, viewer.colours, x, y, width, height).data;
   context.font = `${Math.min(12, scale / 4.4)}px ui-monospace, Menlo, Consolas, monospace`;
+  context.textAlign = 'center';
   context.textBaseline = 'middle';
-  for (let y = seen.y; y < seen.y + seen.height; y++) {
-    for (let x = seen.x; x < seen.x + seen.width; x++) {
-      const at = 4 * (y * width + x);
-      if (HALF[viewer.reference.half[at + 3]] < 0.5) continue;
-      const lines = isImage
-        ? [0, 1, 2].map((c) => figure(HALF[image.half[at + c]]))
-        : [figure(errorOf(viewer, image, at))];
-      lines.forEach((text, i) => {
-        const down = 0.5 + 0.27 * (i - (lines.length - 1) / 2);
-        inkText(context, text, origin.x + scale * (x + 0.5), origin.y + scale * (y + down));
-      });
-    }
+  for (let i = 0; i < width * height; i++) {
+    const column = i % width, row = (i - column) / width, at = 4 * ((y + row) * image.width + x + column);
+    if (!under[4 * i + 3]) continue;
+    const lines = look.mode === 'image'
+      ? [0, 1, 2].map((c) => figure(HALF[image.half[at + c]]))
+      : [figure(errorOf(viewer, image, at))];
+    const brightness = 0.3 * under[4 * i] + 0.6 * under[4 * i + 1] + 0.1 * under[4 * i + 2];
+    context.fillStyle = brightness > 120 ? '#000' : '#fff';
+    lines.forEach((text, line) => {
+      const down = 0.5 + 0.27 * (line - (lines.length - 1) / 2);
+      context.fillText(text, origin.x + scale * (x + column + 0.5), origin.y + scale * (y + row + down));
+    });
   }
 }
 
@@ -68,14 +82,32 @@ function inkCrops(context, viewer, { scale, origin }) {
   });
 }
 
-function inkName(context, viewer, { index, rect, image }) {
-  const { name } = viewer.images[index], { layout } = viewer.state;
-  const isA = layout === 'split' && rect.x === 0 && rect.width < viewer.size.width;
-  const words = [name, details(viewer.images[index]), image ? '' : '…'];
-  const text = image?.problem ?? words.filter(Boolean).join(' · ');
-  context.font = `${layout === 'all' ? 11 : 12}px system-ui, sans-serif`;
+// The name of a pane, over it, on the paper of the page.
+function inkName(context, viewer, { index, rect, frame, image }, colours) {
+  const { layout } = viewer.state, height = NAME[layout], top = frame.y - height;
+  const { name } = viewer.images[index], state = image ? '' : '…';
+  const rest = image?.problem ?? `${details(viewer.images[index])} ${state}`;
+  const isRight = layout === 'split' && rect.x + rect.width === frame.width && index === viewer.state.image;
+  const letter = layout === 'split' ? (isRight ? 'B  ' : 'A  ') : '';
+  const box = layout === 'split' ? { x: isRight ? frame.width / 2 : 0, width: frame.width / 2 } : rect;
+  context.fillStyle = colours.paper;
+  context.fillRect(box.x, top, box.width + GAP, height);
   context.textBaseline = 'top';
-  if (layout !== 'split') inkText(context, text, rect.x + 8, rect.y + 8, 'left');
-  else if (isA) inkText(context, `A  ${text}`, rect.x + 8, rect.y + 8, 'left');
-  else inkText(context, `${text}  B`, rect.x + rect.width - 8, rect.y + 8, 'right');
+  context.textAlign = 'left';
+  context.font = '600 12px system-ui, sans-serif';
+  const title = fitting(context, letter + name, box.width - 8);
+  const indent = layout === 'all' ? 0 : context.measureText(title).width + 8;
+  context.fillStyle = colours.ink;
+  context.fillText(title, box.x, top + 3);
+  context.font = '12px system-ui, sans-serif';
+  context.fillStyle = colours.quiet;
+  context.fillText(fitting(context, rest, box.width - indent - 8), box.x + indent, top + (layout === 'all' ? 17 : 3));
+}
+
+// As much of a text as there is room for.
+function fitting(context, text, width) {
+  if (context.measureText(text).width <= width) return text;
+  let n = text.length;
+  while (n > 0 && context.measureText(`${text.slice(0, n)}…`).width > width) n--;
+  return n > 0 ? `${text.slice(0, n)}…` : '';
 }

@@ -50,8 +50,8 @@ function listenToPointer(viewer) {
   stage.addEventListener('wheel', (event) => {
     if (!stage.contains(document.activeElement) && !event.ctrlKey) return;
     event.preventDefault();
-    const { x, y } = place(event), lines = event.deltaMode === 1 ? 30 : 1;
-    zoomAt(viewer, Math.exp(-event.deltaY * lines * (event.ctrlKey ? 0.01 : 0.0016)), x, y);
+    const lines = event.deltaMode === 1 ? 30 : 1;
+    zoomAt(viewer, Math.exp(-event.deltaY * lines * (event.ctrlKey ? 0.01 : 0.0016)), place(event));
   }, { passive: false });
 
   stage.addEventListener('dblclick', (event) => {
@@ -72,7 +72,7 @@ function listenToPointer(viewer) {
 function pinch(viewer, fingers, moved, before) {
   const [, now] = fingers.find(([id]) => id === moved), [, still] = fingers.find(([id]) => id !== moved);
   const distance = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
-  zoomAt(viewer, distance(now, still) / Math.max(distance(before, still), 1), still.x, still.y);
+  zoomAt(viewer, distance(now, still) / Math.max(distance(before, still), 1), still);
 }
 
 // The crop between where the drag began and where it is.

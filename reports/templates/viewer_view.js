@@ -1,12 +1,14 @@
 // Where images lie on the stage: panes of a layout, zoom and centre that all of them share; in CSS pixels.
 
-const MOST_PANES = 16, LARGEST_ZOOM = 160, GAP = 4;
+const MOST_PANES = 16, LARGEST_ZOOM = 160, GAP = 6;
+const NAME = { one: 22, split: 22, all: 32 }; // height of the names over the panes
 
 // Stage and canvases take the shape of the group's images.
 function resize(viewer) {
   const { stage, canvas, group } = viewer;
   const ratio = window.devicePixelRatio || 1, width = stage.clientWidth;
-  const height = Math.round(Math.min(width * Math.max(0.5, group.height / group.width), 0.72 * window.innerHeight));
+  const shape = Math.max(0.5, group.height / group.width);
+  const height = Math.round(Math.min(width * shape + NAME.one, 0.72 * window.innerHeight));
   if (stage.clientHeight !== height) stage.style.height = `${height}px`;
   viewer.ratio = ratio;
   viewer.size = { width, height };
@@ -19,7 +21,7 @@ function resize(viewer) {
 // Panes {index, rect, frame, scale, origin}: what part of the stage shows which image, and where its corner lies.
 function panesOf(viewer) {
   const { width, height } = viewer.size, { layout, image, other, split } = viewer.state;
-  const full = { x: 0, y: 0, width, height };
+  const full = { x: 0, y: NAME[layout], width, height: height - NAME[layout] };
   const border = Math.round(split * width);
   let panes = [{ index: image, frame: full, rect: full }];
   if (layout === 'split') {
@@ -42,10 +44,10 @@ function placed({ group, state }, frame) {
   };
 }
 
-// The whole image in a frame; enlarged, by a whole number, so that its pixels are alike.
+// The whole image in a frame; enlarged much, by a whole number, so that its pixels are alike.
 function fitted(group, frame) {
   const scale = Math.min(frame.width / group.width, frame.height / group.height);
-  return scale > 1 ? Math.floor(scale) : scale;
+  return scale >= 3 ? Math.floor(scale) : scale;
 }
 
 // Up to MOST_PANES images around the one chosen, the reference first, as large as they may be.
@@ -56,14 +58,23 @@ function grid(viewer) {
   const shown = [0, ...Array.from({ length: n - 1 }, (_, i) => first + i)];
   let columns = 1, best = 0;
   for (let k = 1; k <= n; k++) {
-    const size = Math.min(width / k / group.width, height / Math.ceil(n / k) / group.height);
+    const size = Math.min(width / k / group.width, (height / Math.ceil(n / k) - NAME.all) / group.height);
     if (size > best * 1.001) [columns, best] = [k, size];
   }
   const w = width / columns, h = height / Math.ceil(n / columns);
   return shown.map((index, i) => ({
     index,
-    rect: { x: (i % columns) * w, y: Math.floor(i / columns) * h, width: w - GAP, height: h - GAP },
+    rect: {
+      x: (i % columns) * w, y: Math.floor(i / columns) * h + NAME.all, width: w - GAP, height: h - NAME.all - GAP,
+    },
   }));
+}
+
+// The middle of what shows the chosen image.
+function middle({ panes, state }) {
+  const { frame, rect } = panes.find(({ index }) => index === state.image) ?? panes[0];
+  const x = Math.min(Math.max(frame.x + frame.width / 2, rect.x), rect.x + rect.width - 1);
+  return { x, y: frame.y + frame.height / 2 };
 }
 
 // The pane under a point of the stage, and where in its image that is.
@@ -74,7 +85,7 @@ function pointed(viewer, x, y) {
 }
 
 // Zooms by a factor; what is under the point stays there.
-function zoomAt(viewer, factor, x = viewer.size.width / 2, y = viewer.size.height / 2) {
+function zoomAt(viewer, factor, { x, y } = middle(viewer)) {
   const at = pointed(viewer, x, y);
   if (!at) return;
   const { frame, scale } = at.pane, fit = fitted(viewer.group, frame);
