@@ -1,13 +1,14 @@
 """Crops: the windows of an image where methods err most, and each in another place than the others."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.ndimage import uniform_filter
 
 from .pictures import Floats, Mask
 
+Pixels = TypeVar("Pixels", Floats, Mask)
 SHARE = 6  # of the shorter side of the image: the side of a crop
 SMALLEST = 12  # pixels on the side of a crop
 
@@ -20,7 +21,7 @@ class Crop(NamedTuple):
     width: int
     height: int
 
-    def of(self, image: Floats) -> Floats:
+    def of(self, image: Pixels) -> Pixels:
         """What of an image (H, W, ...) is in it."""
         return image[self.y : self.y + self.height, self.x : self.x + self.width]
 

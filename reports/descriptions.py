@@ -40,17 +40,18 @@ def _described(name: str) -> Description:
     text = [part for part in paragraphs if not part.startswith(("Attributes:", "Args:", "Source:"))]
     source = next((part.removeprefix("Source:").strip() for part in paragraphs if part.startswith("Source:")), "")
     if equation and text:
-        text[0] = _after_first_clause(text[0])
+        text[0] = _after_formulas(text[0])
     return Description(name, equation, [runs(part) for part in text if part], source)
 
 
-def _after_first_clause(text: str) -> str:
-    """A sentence from the first comma or colon on that is in no brackets: before it stands the formula."""
-    depth = 0
-    for i, letter in enumerate(text):
+def _after_formulas(text: str) -> str:
+    """A paragraph without the clauses at its beginning that are formulas, which the equation says."""
+    begin = depth = 0
+    for end, letter in enumerate(text, 1):
         depth += (letter in "([") - (letter in ")]")
-        if depth == 0 and letter in ",:" and text[i + 1 : i + 2] == " ":
-            return text[i + 2 :]
-        if depth == 0 and letter == "." and text[i + 1 : i + 2] in (" ", ""):
-            return text[i + 2 :]
+        if depth == 0 and letter in ",:." and text[end : end + 1] in (" ", ""):
+            if not re.search(r" [~=] ", text[begin:end]):
+                rest = text[begin:]
+                return f"with {rest}" if rest[0].islower() else rest
+            begin = end + 1
     return ""

@@ -60,6 +60,12 @@ def error_map(error: Floats, mask: Mask, limit: float, signed: bool = True, larg
     return _png(image, transparency=255)
 
 
+def scale(signed: bool = True) -> bytes:
+    """PNG of the colours of error maps from left to right, one pixel high."""
+    colours = (SIGNED if signed else UNSIGNED)(range(255))
+    return _png(Image.fromarray(np.round(255 * colours[None, :, :3]).astype(np.uint8)))
+
+
 def error_limit(errors: Sequence[Floats]) -> float:
     """The end of the scale that error maps share: a percentile of |error| over all their pixels."""
     size = np.abs(np.concatenate([error.ravel() for error in errors]))
