@@ -1,6 +1,6 @@
 """Equal time and equal error: what each line would reach at round times and errors, between the points it has."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import exp, floor, log, log10
 from typing import NamedTuple
 
@@ -8,7 +8,8 @@ import numpy as np
 
 from .lines import Axis, Floats, Line
 
-MOST_COLUMNS = 6
+FEWEST_COLUMNS, MOST_COLUMNS = 3, 6
+DIGITS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7))  # the second where the first gives too few columns
 Value = float | None
 
 
@@ -53,18 +54,17 @@ class Curve(NamedTuple):
 
 def error_at_time(lines: Sequence[Line], axis: Axis) -> Table | None:
     """The error of each line at round shading times [ms]; None where no two lines share one."""
-    curves = {id(line): _curve(line, axis) for line in lines}
-    ends = [(c.time[0], c.time[-1]) for c in curves.values() if len(c.time) > 1]
-    rows = {t: [curves[id(line)].error_at(t) for line in lines] for t in _round_values(ends)}
-    return _table(rows, lines)
+    curves = [_curve(line, axis) for line in lines]
+    ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time) > 1]
+    return _table(ends, lines, lambda time: [curve.error_at(time) for curve in curves])
 
 
 def time_at_error(lines: Sequence[Line], axis: Axis) -> Table | None:
     """The least shading time [ms] at which each line comes down to round errors; None where no two lines share one."""
-    curves = {id(line): _curve(line, axis) for line in lines}
-    ends = [(c.error.min(), c.error[0]) for c in curves.values() if len(c.time) > 1]
-    rows = {e: [curves[id(line)].time_at(e) for line in lines] for e in reversed(_round_values(ends))}
-    return _table(rows, lines)
+    curves = [_curve(line, axis) for line in lines]
+    ends = [(c.error.min(), c.error[0]) for c in curves if len(c.time) > 1]
+    table = _table(ends, lines, lambda error: [curve.time_at(error) for curve in curves])
+    return table and Table(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
 
 
 def _curve(line: Line, axis: Axis) -> Curve:
@@ -75,9 +75,17 @@ def _curve(line: Line, axis: Axis) -> Curve:
     return Curve(np.log(time[use][order]), np.log(error[use][order]))
 
 
-def _table(columns: dict[float, list[Value]], lines: Sequence[Line]) -> Table | None:
+def _table(
+    ends: Sequence[tuple[float, float]], lines: Sequence[Line], values_at: Callable[[float], list[Value]]
+) -> Table | None:
     """Columns that two lines or more have a value in, thinned evenly; lines that have one in any."""
-    shared = [at for at, values in columns.items() if sum(value is not None for value in values) > 1]
+    columns: dict[float, list[Value]] = {}
+    for digits in DIGITS:
+        columns = {at: values_at(at) for at in _round_values(ends, digits)}
+        columns = {at: found for at, found in columns.items() if sum(value is not None for value in found) > 1}
+        if len(columns) >= FEWEST_COLUMNS:
+            break
+    shared = list(columns)
     if len(shared) > MOST_COLUMNS:
         shared = [shared[round(i * (len(shared) - 1) / (MOST_COLUMNS - 1))] for i in range(MOST_COLUMNS)]
     kept = [i for i in range(len(lines)) if any(columns[at][i] is not None for at in shared)]
@@ -87,13 +95,13 @@ def _table(columns: dict[float, list[Value]], lines: Sequence[Line]) -> Table | 
     return Table(shared, [lines[i] for i in kept], [[columns[at][i] for at in shared] for i in kept], best)
 
 
-def _round_values(ends: Sequence[tuple[float, float]]) -> list[float]:
-    """1, 2 and 5 times powers of ten between the ends of the log intervals, all of them together."""
+def _round_values(ends: Sequence[tuple[float, float]], digits: Sequence[float]) -> list[float]:
+    """Digits times powers of ten between the ends of the log intervals, all of them together."""
     if not ends:
         return []
     low, high = exp(min(low for low, _ in ends)), exp(max(high for _, high in ends))
     powers = range(floor(log10(low)), floor(log10(high)) + 1)
-    return [value for power in powers for digit in (1, 2, 5) if low <= (value := float(f"{digit}e{power}")) <= high]
+    return [value for power in powers for digit in digits if low <= (value := float(f"{digit}e{power}")) <= high]
 
 
 def _neighbours(values: Floats) -> list[tuple[float, float]]:

@@ -86,7 +86,7 @@ def _templates() -> Environment:
     )
     templates.policies["json.dumps_kwargs"] = {"sort_keys": False}
     templates.filters |= {"number": figures.number, "count": _count, "samples": _samples}
-    templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable}
+    templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable, "shortest": _shortest}
     return templates
 
 
@@ -100,6 +100,12 @@ def _count(value: float | None) -> str:
     if value is None:
         return "–"
     return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
+
+
+def _shortest(value: float) -> str:
+    """A round number with no more digits than it has: 0.05, 1.5, 200."""
+    mantissa = f"{value:.1e}".split("e")[0].removesuffix(".0")
+    return figures.number(value, len(mantissa.replace(".", "")))
 
 
 def _samples(value: float) -> str:
