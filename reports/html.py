@@ -20,11 +20,13 @@ from .descriptions import described
 from .equal import error_at_time, time_at_error
 from .images import MOST_PICTURES, chosen, pictures_of
 from .lines import Floats, Place, axis_of, lines_at, places_of
+from .notation import runs
 from .payload import payload, remove_others
-from .pictures import CLIPPED_SHARE, WHITE
+from .pictures import CLIPPED_SHARE, WHITE, svg_uri
 from .plot_data import plot_data
 from .scripts import TEMPLATES, module, policy
 from .spreadsheet import csv_link
+from .typesetting import Press
 
 MANY_PATTERNS = 12
 PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
@@ -61,7 +63,7 @@ def write_report(folder: Path) -> Path:
             patterns=_patterns(results, groups),
             n_patterns=MANY_PATTERNS,
             csv=csv_link(results.cells),
-            methods=described([row["method"] for row in rows]),
+            methods=_methods([row["method"] for row in rows]),
             citations=cited_by(_used(rows, metrics), str(results.study.get("source", ""))),
             seen={key: _seen(rows, key) for key in ("version", "torch", "device", "processor", "seed", "light_key")},
             white=WHITE,
@@ -178,6 +180,19 @@ def _sheets(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
         for i, group in enumerate(groups)
         if group.done
     ]
+
+
+def _methods(names: Sequence[str]) -> list[dict[str, Any]]:
+    """Methods in words, with their equation as the source of an <img>, where it is one."""
+    with Press() as press:
+
+        def image(equation: str) -> str:
+            return svg_uri(press.equation(equation)) if equation and press.is_equation(equation) else ""
+
+        return [
+            method._asdict() | {"image": image(method.equation), "source": runs(method.source)}
+            for method in described(names)
+        ]
 
 
 def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:

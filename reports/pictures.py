@@ -87,6 +87,11 @@ def uri(png: bytes) -> str:
     return f"data:image/png;base64,{b64encode(png).decode()}"
 
 
+def svg_uri(svg: bytes) -> str:
+    """A drawing as the source of an <img>."""
+    return f"data:image/svg+xml;base64,{b64encode(svg).decode()}"
+
+
 def _png(image: Image.Image, **options: int) -> bytes:
     out = BytesIO()
     image.save(out, format="PNG", **options)

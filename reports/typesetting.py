@@ -63,6 +63,16 @@ class Press:
             return False
         return True
 
+    def equation(self, text: str) -> bytes:
+        """An SVG of mathematics that `is_equation`, in black, with no page about it."""
+        source = self.folder / "line.typ"
+        source.write_text(
+            "#set page(width: auto, height: auto, margin: 1pt, fill: none)\n#set text(size: 13pt)\n"
+            '#math.equation(block: true, eval(sys.inputs.text, mode: "math"))'
+        )
+        made = self._compiler.compile(str(source), format="svg", sys_inputs={"text": text})
+        return made[0] if isinstance(made, list) else made
+
     def pages(self, template: str, data: Mapping[str, Any], form: Format = "pdf") -> bytes:
         """What a template makes of data: a PDF, or an image of its first page."""
         (self.folder / "data.json").write_text(json.dumps(_breakable(data), ensure_ascii=True), encoding="utf-8")
