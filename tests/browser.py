@@ -153,7 +153,7 @@ class Page:
     def wait(self, expression, seconds=PATIENCE):
         """Until an expression is true."""
         until = time.monotonic() + seconds
-        while not self.do(expression):
+        while not self.do(f"!!({expression})"):
             if time.monotonic() > until:
                 raise TimeoutError(f"not true after {seconds} s: {expression}")
             time.sleep(0.05)
@@ -161,7 +161,7 @@ class Page:
     def key(self, key, shift=False):
         """A key goes down and up, wherever the focus is."""
         modifiers = SHIFT if shift else 0
-        code = KEYS.get(key) or ord(key.upper())
+        code = KEYS.get(key) or (ord(key.upper()) if key.isalnum() else 0)
         text = {"text": key} if len(key) == 1 else {"text": "\r"} if key == "Enter" else {}
         shared = {"key": key, "windowsVirtualKeyCode": code, "modifiers": modifiers}
         self.send("Input.dispatchKeyEvent", type="keyDown", **shared, **text)

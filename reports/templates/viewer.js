@@ -4,8 +4,8 @@
 
 queueMicrotask(() => {
   const root = document.getElementById('viewer');
-  const registry = JSON.parse(document.getElementById('viewer-registry')?.textContent ?? '{"groups": []}');
-  if (!root || !registry.groups.length) return;
+  const registry = JSON.parse(document.getElementById('viewer-registry')?.textContent ?? '{}');
+  if (!root || !registry.groups?.length) return;
   globalThis.glossbenchViewer = new Viewer(root, registry);
 });
 
