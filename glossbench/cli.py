@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from glossbench.commands import completion, data
+from glossbench.commands.figure import figure
 from glossbench.commands.info import info
 from glossbench.commands.light import light as describe_light
 from glossbench.errors import InputError
@@ -73,7 +74,7 @@ def run(
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run, and stop.")] = False,
 ) -> None:
-    """Run a study, print its table and verdicts, and write its report."""
+    """Run a study, print its table and verdicts, and write its reports."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
@@ -107,7 +108,7 @@ def run(
                 loaded, folder, use_cache=not no_cache, rerun_failed=rerun_failed, fail_fast=fail_fast,
                 progress=progress,
             )  # fmt: skip
-            bar.update(task, description="report")
+            bar.update(task, description="reports")
             pages = [write(results.folder) for write in _report_writers().values()]
     except KeyboardInterrupt:
         err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
@@ -130,13 +131,17 @@ def run(
 @app.command()
 def report(
     results: Annotated[Path, typer.Argument(help="A folder that a run made.", autocompletion=completion.results)],
+    html: Annotated[bool, typer.Option("--html", help="Only the page.")] = False,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Only the PDF.")] = False,
 ) -> None:
-    """Write the report of results again."""
+    """Write the reports of results again."""
     from glossbench.results import Results
 
     opened = Results.open(results)
-    for write in _report_writers().values():
-        say(f"report: {write(opened.folder)}")
+    only = {name for name, wanted in (("html", html), ("pdf", pdf)) if wanted}
+    for name, write in _report_writers().items():
+        if not only or name in only:
+            say(f"report: {write(opened.folder)}")
 
 
 @app.command()
@@ -161,6 +166,7 @@ def schema() -> None:
 
 
 app.command()(info)
+app.command()(figure)
 app.command(name="light")(describe_light)
 app.add_typer(data.app, name="data")
 

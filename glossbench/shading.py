@@ -68,8 +68,13 @@ class Method(Options):
 
     Subclasses state options as annotated attributes, stages with `@stage`, and
     shade(self, points, material, <stages by name>) -> radiance (P, 3), float32.
+
+    Attributes:
+        equation: what shade computes, in typst's notation of mathematics, for reports to set; the docstring begins with
+            the same in plain letters.
     """
 
+    equation: ClassVar[str] = ""
     contract: ClassVar[Contract] = Contract()
 
     def supports(self, material: Material, scene: Any) -> str | None:

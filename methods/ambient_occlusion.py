@@ -51,6 +51,7 @@ class AmbientOcclusion(Method):
     lobes: Annotated[int, Field(ge=1, le=4)] = 2
 
     # As of the one cube: measured, furnace 7e-5.
+    equation = 'L_o approx "AO"(x) thin c(x)'
     contract = Contract(furnace=1e-3, budget=None, options={"energy": "albedo"})
 
     lobe_sums = lobe_sums

@@ -41,6 +41,7 @@ class BRDFFactorization(Method):
     solver: Solver = "qmr"
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = 1e-5
 
+    equation = "L_o approx sum_k p(omega_k) thin q(h_k) thin p(omega_o) cos theta_k thin E_k"
     # Measured: furnace 1.2 with all light from one direction, turns 0.07. Regions of a light that is added to move.
     contract = Contract(furnace=2.0, linear=False, turns=0.2, budget=None)
 

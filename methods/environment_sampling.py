@@ -47,6 +47,7 @@ class EnvironmentSampling(Method):
 
     # Measured: furnace 0.009, turns 0.013, slope -0.81. Other lights, or the same one turned, draw other
     # directions: what turns measures is noise.
+    equation = "L_o approx 1/N sum_(i=1)^N (f(omega_o, omega_i) cos theta_i thin L(omega_i))/p(omega_i)"
     contract = Contract(furnace=0.03, linear=False, turns=0.03, budget=("samples", (64, 256, 1024, 4096)), slope=-0.5)
 
     @stage

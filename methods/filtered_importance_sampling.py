@@ -92,6 +92,10 @@ class FilteredImportanceSampling(Method):
     seed: Seed = 0
 
     # Measured: furnace 1.5e-4, slope -0.65.
+    equation = (
+        "L_o approx 1/N sum_(i=1)^N (L(omega_i, l) thin f cos theta_i)/p, "
+        'quad l = max(1/2 log_2 K/(N p thin Omega_"texel") + "mip bias", 0)'
+    )
     contract = Contract(furnace=1e-3, slope=-0.5)
 
     pyramid = pyramid

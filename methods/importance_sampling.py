@@ -40,6 +40,7 @@ class ImportanceSampling(Method):
     seed: Seed = 0
 
     # Measured: furnace 1.5e-4, slope -0.95; random points would give -0.5.
+    equation = "L_o approx 1/N sum_(i=1)^N (L(omega_i) thin f cos theta_i)/p"
     contract = Contract(furnace=1e-3, slope=-0.5)
 
     irradiance = irradiance

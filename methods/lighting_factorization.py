@@ -104,6 +104,7 @@ class LightingFactorization(Method):
     mip: Literal["factorized", "box"] = "factorized"
 
     # Bounds of furnace and turns are wide and not measured; an albedo of the angle alone is no product of n and r.
+    equation = "L_o (v, n) approx t_1 (n) thin t_2 (r), quad r = 2 (n dot v) n - v"
     contract = Contract(furnace=1.0, linear=False, turns=1.0, budget=None)
 
     def supports(self, material: Material, scene: Any) -> str | None:

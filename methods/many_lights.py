@@ -32,7 +32,7 @@ class ManyLights(Method):
             half-extent of 1. 0 for no blur.
         light_bleeding: share of a light below which a point of a shadow map is dark.
 
-    Source: what Knuth et al. 2014, section 1, set their method against: Dachsbacher et al. 2012; lights after Debevec
+    Source: what Knuth et al. 2014, section 1, set their method against: Dachsbacher et al. 2014; lights after Debevec
     2008, shadows after Annen et al. 2008.
     """
 
@@ -43,6 +43,7 @@ class ManyLights(Method):
     light_bleeding: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
     # Measured: furnace 0.018, turns 0.003, slope -0.99. Cuts follow the light and the faces: no linearity.
+    equation = 'L_o approx sum_i "VIS"_i thin f(omega_o, d_i) cos theta_i thin Phi_i'
     contract = Contract(furnace=0.03, linear=False, turns=0.01, budget=("regions", (24, 96, 384, 1536)), slope=-0.8)
 
     shadows = shadows

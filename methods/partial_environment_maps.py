@@ -73,6 +73,10 @@ class PartialEnvironmentMaps(Method):
     light_bleeding: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
     # Measured: furnace 7e-5. More lookups bring it no nearer to the truth: there is no budget.
+    equation = (
+        'L_o approx k_d thin c(n, 1) + sum_k A thin "share"_k thin c(r, s_k), '
+        'quad c(d, s) = sum_i "VIS"_i thin "PEM"_i (d, "level"(s))'
+    )
     contract = Contract(furnace=1e-3, budget=None, options={"energy": "albedo"})
 
     lobe_sums = lobe_sums

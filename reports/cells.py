@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any
 
@@ -50,6 +50,7 @@ class Group:
         options: all options of light, material and view.
         reference: values of the reference's columns; empty where no cell was done.
         best: keys of the best cells by metric.
+        names: of light, material and view, as in the title.
     """
 
     title: str
@@ -57,6 +58,7 @@ class Group:
     cells: Sequence[Cell]
     reference: Mapping[str, Any]
     best: Mapping[str, frozenset[str]]
+    names: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def done(self) -> list[Cell]:
@@ -84,10 +86,10 @@ def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Grou
     for _, members in groupby(sorted(cells, key=place), key=place):
         group = sorted(members, key=lambda cell: (cell.index, cell.row["n_samples"] or 0))
         first = next((cell.row for cell in group if cell.done), {})
-        title = ", ".join(names[kind][_identity(kind, group[0].row)] for kind in KINDS)
+        named = {kind: names[kind][_identity(kind, group[0].row)] for kind in KINDS}
         options = {kind: group[0].row[f"{kind}_options"] for kind in KINDS}
         best = {metric: _best(metric, [cell.row for cell in group if cell.done]) for metric in metrics}
-        found.append(Group(title, options, group, first, best))
+        found.append(Group(", ".join(named.values()), options, group, first, best, named))
     return found
 
 

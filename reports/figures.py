@@ -1,22 +1,18 @@
-"""Figures of a report: error against cost, sample patterns, colour bars.
+"""Figures of a report: sample patterns and colour bars; how numbers and plots look.
 
 They are matplotlib figures without global state; `svg` gives the same bytes for the same data.
 """
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
 from io import StringIO
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+from matplotlib.ticker import MaxNLocator
 
-from .pictures import SIGNED, UNSIGNED, Floats, Mask
+from .pictures import SIGNED, UNSIGNED, Floats
 
 INK, PAPER = "#1a1a1a", "#fefefe"
 # Okabe and Ito 2008 without yellow and black: told apart by colour-blind readers, on white and on near-black.
@@ -39,31 +35,6 @@ RC: dict[Any, Any] = {
 } | dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK)
 
 
-@dataclass(frozen=True)
-class Line:
-    """One method with its options: what it reached with each budget, in order of samples.
-
-    Attributes:
-        index: its place in the study, which gives colour and marker: the same in every plot.
-        errors: the size of the metric.
-        at_floor: true where the reference cannot resolve the RMS error.
-    """
-
-    name: str
-    index: int
-    samples: Floats
-    milliseconds: Floats
-    errors: Floats
-    at_floor: Mask
-
-    def slope(self) -> float | None:
-        """Fitted slope of log error over log samples; None below three resolved points."""
-        use = ~self.at_floor & (self.errors > 0) & np.isfinite(self.errors)
-        if len(set(self.samples[use])) < 3:
-            return None
-        return float(np.polyfit(np.log(self.samples[use]), np.log(self.errors[use]), 1)[0])
-
-
 def number(value: float | None, digits: int = 3) -> str:
     """A number with so many significant digits, as print sets it: 0.0123, 1240, 1.20×10⁻⁶; – for none."""
     if value is None or np.isnan(value):
@@ -75,136 +46,6 @@ def number(value: float | None, digits: int = 3) -> str:
         return f"{value:.{max(0, digits - 1 - int(exponent))}f}".replace("-", "−")
     raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
     return f"{mantissa}×10{raised}".replace("-", "−")
-
-
-def _tick(value: float, _: int | None = None) -> str:
-    mantissa = f"{value:.2e}".split("e")[0].rstrip("0").rstrip(".")
-    text = number(value, len(mantissa.replace(".", "").replace("-", "")))
-    return text.removeprefix("1×")
-
-
-@dataclass(frozen=True)
-class Axis:
-    """The axis of a metric.
-
-    Attributes:
-        label: of the axis.
-        noise: of the reference, in the metric's unit; 0 where it has no such meaning.
-        is_log: for errors; a metric that is higher for better images has a linear axis.
-    """
-
-    label: str
-    noise: float = 0.0
-    is_log: bool = True
-
-    def shows(self, values: Floats) -> Mask:
-        """Which values have a place on it."""
-        return np.isfinite(values) & ((values > 0) | (not self.is_log))
-
-
-@rc_context(RC)
-def error_over(quantity: str, lines: Sequence[Line], axis: Axis) -> Figure:
-    """Plot of a metric over `samples` or `milliseconds`; shaded up to twice the reference's noise."""
-    handles = len(lines) + 1
-    figure = Figure(figsize=(4.7, 2.9 + 0.19 * handles), layout="constrained")
-    ax = figure.add_subplot()
-    ax.set_xscale("log")
-    for line in lines:
-        x = getattr(line, quantity)
-        style = _style(line)
-        slope = line.slope() if quantity == "samples" and axis.is_log else None
-        label = line.name + ("" if slope is None else f", slope {number(slope)}")
-        seen = axis.shows(line.errors) & (x > 0)
-        ax.plot(x[seen], line.errors[seen], label=label, ls="-" if seen.sum() > 1 else "", **style)
-        ax.plot(x[seen & line.at_floor], line.errors[seen & line.at_floor], ls="", mfc=PAPER, **style)
-    band = _scaled(ax, "y", axis, lines)
-    values = sorted({float(x) for line in lines for x in getattr(line, quantity) if x > 0})
-    if quantity == "samples" and values:
-        ax.xaxis.set_major_locator(FixedLocator(_apart(values)))
-    else:
-        ax.xaxis.set_major_locator(_locator(values))
-    ax.xaxis.set_minor_locator(NullLocator())
-    ax.xaxis.set_major_formatter(FuncFormatter(_tick))
-    ax.set_xlabel({"samples": "light samples a pixel", "milliseconds": "shading time [ms]"}[quantity])
-    _legend(figure, ax, band)
-    return figure
-
-
-@rc_context(RC)
-def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
-    """Dots: the metric of each method, for a study with one budget."""
-    figure = Figure(figsize=(4.7, 1.3 + 0.26 * len(lines)), layout="constrained")
-    ax = figure.add_subplot()
-    for row, line in enumerate(lines):
-        y = np.full(len(line.errors), row)
-        seen, floor = axis.shows(line.errors), line.at_floor
-        ax.plot(line.errors[seen & ~floor], y[seen & ~floor], ls="", **_style(line))
-        ax.plot(line.errors[seen & floor], y[seen & floor], ls="", mfc=PAPER, **_style(line))
-    ax.set_ylim(len(lines) - 0.4, -0.6)
-    ax.set_yticks(range(len(lines)), [line.name for line in lines])
-    ax.tick_params(axis="y", length=0)
-    ax.grid(axis="y", color=INK, alpha=0.15, linewidth=0.6)
-    band = _scaled(ax, "x", axis, lines)
-    _legend(figure, ax, band)
-    return figure
-
-
-def _legend(figure: Figure, ax: Axes, band: Patch | None) -> None:
-    handles, labels = ax.get_legend_handles_labels()
-    if band is not None:
-        handles, labels = [*handles, band], [*labels, str(band.get_label())]
-    if handles:
-        figure.legend(
-            handles=handles,
-            labels=labels,
-            loc="outside lower left",
-            frameon=False,
-            borderaxespad=0.2,
-            handlelength=1.8,
-        )
-
-
-def _scaled(ax: Axes, side: str, axis: Axis, lines: Sequence[Line]) -> Patch | None:
-    """Label, limits and ticks of the metric's axis; for the key, the band that the reference cannot resolve."""
-    span, limits, scale = (ax.axhspan, ax.set_ylim, ax.yaxis) if side == "y" else (ax.axvspan, ax.set_xlim, ax.xaxis)
-    scale.set_label_text(axis.label)
-    if not axis.is_log:
-        scale.set_major_formatter(FuncFormatter(_tick))
-        return None
-    (ax.set_yscale if side == "y" else ax.set_xscale)("log")
-    seen = [float(v) for line in lines for v in line.errors[axis.shows(line.errors)]] or [1.0]
-    floor = 2 * axis.noise
-    # A floor far below every dot would squeeze the dots: then the key alone tells where it is.
-    shown = floor > min(seen) / 30
-    low, high = min([*seen, floor] if shown else seen) / 1.6, max([*seen, floor] if shown else seen) * 1.6
-    if shown:
-        span(low, floor, color=INK, alpha=0.1, linewidth=0)
-    limits(low, high)
-    scale.set_major_locator(_locator([low, high]))
-    scale.set_minor_locator(LogLocator(subs=range(2, 10), numticks=99))
-    scale.set_minor_formatter(NullFormatter())
-    scale.set_major_formatter(FuncFormatter(_tick))
-    label = f"twice the reference's noise, {number(floor, 2)}" + ("" if shown else " (off the axis)")
-    return Patch(color=INK, alpha=0.1, linewidth=0, label=label) if floor > 0 else None
-
-
-def _locator(values: Sequence[float]) -> LogLocator:
-    wide = bool(values) and values[-1] > 80 * values[0]
-    return LogLocator(subs=(1,) if wide else (1, 2, 5), numticks=9)
-
-
-def _apart(values: Sequence[float]) -> list[float]:
-    """Values, but none so near to the one before it on a log axis that their labels would touch."""
-    gap = (values[-1] / values[0]) ** 0.07
-    kept = [values[0]]
-    for value in values[1:]:
-        if value >= kept[-1] * gap:
-            kept.append(value)
-    return kept
-
-
-def _style(line: Line) -> dict[str, Any]:
-    return {"color": COLOURS[line.index % len(COLOURS)], "marker": MARKERS[line.index % len(MARKERS)]}
 
 
 @rc_context(RC)

@@ -1,8 +1,6 @@
 """The HTML report of a study: one file, read from what the run left on disk, that opens without a network."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +9,27 @@ import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from glossbench.comparisons import noise_of
+from glossbench.citations import cited_by
 from glossbench.metrics import METRICS
 from glossbench.results import Results, replacing
 
 from . import figures
+from .answer import answer_of, drawn
 from .cells import Cell, Group, grouped, listed, parsed
-from .images import MOST_MAPS, MOST_PICTURES, chosen, mapped, maps_of, pictures_of
-from .pictures import CLIPPED_SHARE, WHITE
+from .descriptions import described
+from .equal import error_at_time, time_at_error
+from .images import MOST_PICTURES, chosen, pictures_of
+from .lines import Floats, Place, axis_of, lines_at, places_of
+from .notation import runs
+from .payload import payload, remove_others
+from .pictures import CLIPPED_SHARE, WHITE, svg_uri
+from .plot_data import plot_data
+from .scripts import TEMPLATES, module, policy
+from .spreadsheet import csv_link
+from .typesetting import Press
 
 MANY_PATTERNS = 12
+PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
 
 
 def write_report(folder: Path) -> Path:
@@ -29,34 +38,58 @@ def write_report(folder: Path) -> Path:
     rows = [parsed(row) for row in results.cells.to_dict("records")]
     metrics = [name for name in _metrics(results.study) if name in results.cells.columns]
     groups = grouped(rows, metrics)
+    places = places_of([group for group in groups if group.done])
+    viewer = payload(results, groups, metrics[0] if metrics else None)
+    scripts = [module(PAGE), module(sorted(path.name for path in TEMPLATES.glob("viewer*.js")))]
+    page = (
+        _templates()
+        .get_template("report.html")
+        .render(
+            scripts=scripts,
+            policy=policy(scripts),
+            study=results.study,
+            study_yaml=yaml.safe_dump(results.study, sort_keys=False, allow_unicode=True),
+            claims=results.claims,
+            provenance=results.provenance,
+            metrics=metrics,
+            definitions=_metrics(results.study),
+            groups=groups,
+            missing=_missing(groups),
+            viewer=viewer,
+            answer=_answer(results, groups, metrics),
+            plots=plot_data(places, metrics),
+            equal=_equal(places, metrics),
+            sheets=_sheets(results, groups),
+            patterns=_patterns(results, groups),
+            n_patterns=MANY_PATTERNS,
+            csv=csv_link(results.cells),
+            methods=_methods([row["method"] for row in rows]),
+            citations=cited_by(_used(rows, metrics), str(results.study.get("source", ""))),
+            seen={key: _seen(rows, key) for key in ("version", "torch", "device", "processor", "seed", "light_key")},
+            white=WHITE,
+            share=100 - CLIPPED_SHARE,
+        )
+    )
+    path = Path(folder) / "report.html"
+    with replacing(path) as part:
+        part.write_text(page, encoding="utf-8")
+    remove_others(folder, viewer)
+    return path
+
+
+def _templates() -> Environment:
+    """Templates that escape all that they are given, and stop where something is missing."""
     templates = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    templates.policies["json.dumps_kwargs"] = {"sort_keys": False}
     templates.filters |= {"number": figures.number, "count": _count, "samples": _samples}
-    templates.filters |= {"options": listed, "breakable": _breakable}
-    page = templates.get_template("report.html").render(
-        study=results.study,
-        study_yaml=yaml.safe_dump(results.study, sort_keys=False, allow_unicode=True),
-        claims=results.claims,
-        provenance=results.provenance,
-        metrics=metrics,
-        definitions=_metrics(results.study),
-        groups=groups,
-        sections=_sections(results, groups, metrics),
-        patterns=_patterns(results, groups),
-        n_patterns=MANY_PATTERNS,
-        seen={key: _seen(rows, key) for key in ("version", "torch", "device", "processor", "seed", "light_key")},
-        white=WHITE,
-        share=100 - CLIPPED_SHARE,
-    )
-    path = Path(folder) / "report.html"
-    with replacing(path) as part:
-        part.write_text(page, encoding="utf-8")
-    return path
+    templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable, "shortest": _shortest}
+    return templates
 
 
 def _metrics(study: Mapping[str, Any]) -> dict[str, Any]:
@@ -71,6 +104,12 @@ def _count(value: float | None) -> str:
     return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
 
 
+def _shortest(value: float) -> str:
+    """A round number with no more digits than it has: 0.05, 1.5, 200."""
+    mantissa = f"{value:.1e}".split("e")[0].removesuffix(".0")
+    return figures.number(value, len(mantissa.replace(".", "")))
+
+
 def _samples(value: float) -> str:
     return f"{_count(value)} {'sample' if value == 1 else 'samples'}"
 
@@ -80,62 +119,85 @@ def _breakable(name: str) -> Markup:
     return escape(name).replace("_", Markup("_<wbr>"))
 
 
-def _sections(results: Results, groups: Sequence[Group], metrics: Sequence[str]) -> list[dict[str, Any]]:
-    """What a report draws of each group: plots under each metric, pictures, error maps."""
-    with_maps = mapped(metrics)
+def _sortable(cell: Cell, metrics: Sequence[str], told: bool, tuned: bool) -> list[float | str | None]:
+    """What a row of the table sorts by, a value a column; None comes last, an error at the noise floor first."""
+    row = cell.row
+    names = [row["method"], *([cell.options] if told else []), *([listed(row["tuned"])] if tuned else [])]
+    if not cell.done:
+        return [*names, row["options"].get("samples")]
+    errors = [0.0 if row["at_noise_floor"] else row[metric] for metric in metrics]
+    updates = [row["update_seconds"].get(change, 0) for change in ("light", "material", "geometry", "view")]
+    costs = [row["shade_seconds"], sum(row["stage_seconds"].values()), *updates, row["state_bytes"]]
+    return [*names, row["n_samples"], *errors, *costs]
+
+
+def _missing(groups: Sequence[Group]) -> list[dict[str, Any]]:
+    """The cells without an image, with the last line of what they say."""
+    return [
+        {"group": group, "cell": cell, "last": (cell.row["reason"] or "no traceback").strip().splitlines()[-1]}
+        for group in groups
+        for cell in group.cells
+        if not cell.done
+    ]
+
+
+def _used(rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tuple[str, str]]:
+    """(kind, name) of all that a study is made of, methods first."""
+    kinds = ("method", "material", "light", "view")
+    return [(kind, name) for kind in kinds for name in _seen(rows, kind)] + [("metric", name) for name in metrics]
+
+
+def _answer(results: Results, groups: Sequence[Group], metrics: Sequence[str]) -> dict[str, Any] | None:
+    """The picture of the first screen, under the study's first metric."""
+    answer = answer_of(groups, metrics[0]) if metrics else None
+    if answer is None:
+        return None
+    pictures = drawn(results, answer)
+    bar = figures.colour_bar(pictures["limit"], "image − reference [radiance]")
+    return pictures | {"metric": metrics[0], "bar": Markup(figures.svg(bar, "answer-bar"))}
+
+
+def _equal(places: Sequence[Place], metrics: Sequence[str]) -> list[dict[str, Any]]:
+    """Tables of equal time and equal error of each place and metric, where two lines can be compared."""
+    found = []
+    for i, place in enumerate(places):
+        for metric in metrics:
+            lines, axis = lines_at(place, metric), axis_of(place, metric)
+            by_time, by_error = error_at_time(lines, axis), time_at_error(lines, axis)
+            if by_time or by_error:
+                found.append(
+                    {"place": i, "title": place.title, "metric": metric, "label": axis.label,
+                     "by_time": by_time, "by_error": by_error}
+                )  # fmt: skip
+    return found
+
+
+def _sheets(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
+    """The contact sheet of each group that has images."""
     pictured = chosen(groups, MOST_PICTURES)
-    in_maps = chosen(groups, MOST_MAPS // max(1, len(with_maps)))
-    sections = []
-    for i, group in enumerate(groups):
-        plots = {metric: _plots(group, metric, f"g{i}-{metric}", metric == metrics[0]) for metric in metrics}
-        sections.append(
-            {
-                "group": group,
-                "plots": {metric: drawn for metric, drawn in plots.items() if drawn},
-                "images": pictures_of(results, group, pictured[i], f"g{i}"),
-                "maps": maps_of(results, group, with_maps, in_maps[i], f"g{i}"),
-                "n_unmapped": len(group.done) - len(in_maps[i]),
-            }
-        )
-    return sections
+    return [
+        {"group": group, "images": pictures_of(results, group, pictured[i], f"g{i}")}
+        for i, group in enumerate(groups)
+        if group.done
+    ]
 
 
-def _plots(group: Group, metric: str, name: str, over_time: bool) -> list[Markup]:
-    """A metric over samples, or by method where each has one budget; and over shading time."""
-    lines = []
-    done = [cell for cell in group.done if cell.row.get(metric) is not None]
-    for index, members in groupby(done, key=lambda cell: cell.index):
-        own = list(members)
-        n, seconds, values = (
-            np.array([c.row[key] for c in own], float) for key in ("n_samples", "shade_seconds", metric)
-        )
-        at_floor = np.array([bool(c.row["at_noise_floor"]) for c in own])
-        lines.append(figures.Line(own[0].name, index, n, 1e3 * seconds, values, at_floor))
-    if not lines:
-        return []
-    axis = _axis(metric, group.reference)
-    if axis.is_log:
-        lines = [replace(line, errors=np.abs(line.errors)) for line in lines]
-    swept = any(len(set(line.samples)) > 1 for line in lines)
-    drawn = [figures.error_over("samples", lines, axis) if swept else figures.error_by_method(lines, axis)]
-    if over_time:
-        drawn.append(figures.error_over("milliseconds", lines, axis))
-    return [Markup(figures.svg(figure, f"{name}-{i}")) for i, figure in enumerate(drawn)]
+def _methods(names: Sequence[str]) -> list[dict[str, Any]]:
+    """Methods in words, with their equation as the source of an <img>, where it is one."""
+    with Press() as press:
 
+        def image(equation: str) -> str:
+            return svg_uri(press.equation(equation)) if equation and press.is_equation(equation) else ""
 
-def _axis(metric: str, reference: Mapping[str, Any]) -> figures.Axis:
-    """How a metric is plotted: signed ones by their size; one of a plug-in that is not installed as an error."""
-    if metric not in METRICS.names():
-        return figures.Axis(metric)
-    cls = METRICS.get(metric)
-    unit = "" if cls.unit == "1" else f" [{cls.unit}]"
-    label = f"|{metric}|{unit}" if cls.signed else f"{metric}{unit}"
-    return figures.Axis(label, noise_of(reference, reference, metric), cls.lower_is_better)
+        return [
+            method._asdict() | {"image": image(method.equation), "source": runs(method.source)}
+            for method in described(names)
+        ]
 
 
 def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
     """Half vectors that the pixels share, equal ones once; only their number where there are too many."""
-    found: dict[Any, tuple[Group, Cell, figures.Floats]] = {}
+    found: dict[Any, tuple[Group, Cell, Floats]] = {}
     for group in groups:
         for cell in group.done:
             half_vectors = results.half_vectors(cell.row["key"])

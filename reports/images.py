@@ -1,4 +1,4 @@
-"""The images of a report: of each group the reference, pictures of cells, and their error maps under each metric."""
+"""The contact sheet of a report: of each group the reference, pictures of cells, and their signed error maps."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from glossbench.metrics import METRICS, Metric
 from glossbench.results import Results
 
 from . import figures, pictures
 from .cells import Cell, Group
 
 MOST_PICTURES = 72  # of a report
-MOST_MAPS = 400  # of a report, the signed ones under the pictures aside
-MAP_SIZE = 128  # pixels on the longer side
+SIZE = 160  # pixels on the longer side
 
 
 def chosen(groups: Sequence[Group], most: int) -> list[list[Cell]]:
@@ -54,13 +52,13 @@ def pictures_of(results: Results, group: Group, shown: Sequence[Cell], name: str
     tiles = []
     for cell in shown:
         image = results.image(cell.row["key"])
-        picture = pictures.uri(pictures.picture(image, mask, exposure))
-        error = pictures.uri(pictures.error_map((image - reference).mean(axis=2), mask, limit))
+        picture = pictures.uri(pictures.picture(image, mask, exposure, SIZE))
+        error = pictures.uri(pictures.error_map((image - reference).mean(axis=2), mask, limit, True, SIZE))
         tiles.append({"cell": cell, "picture": picture, "error": error})
     noise = results.standard_error(key).mean(axis=2)
     return {
-        "picture": pictures.uri(pictures.picture(reference, mask, exposure)),
-        "noise": pictures.uri(pictures.error_map(noise, mask, limit)),
+        "picture": pictures.uri(pictures.picture(reference, mask, exposure, SIZE)),
+        "noise": pictures.uri(pictures.error_map(noise, mask, limit, True, SIZE)),
         "rows": _tile_rows(tiles),
         "left_out": len(group.done) - len(shown),
         "limit": limit,
@@ -68,47 +66,9 @@ def pictures_of(results: Results, group: Group, shown: Sequence[Cell], name: str
         "exposure": exposure,
         "stops": f"{round(float(np.log2(exposure)), 1) + 0.0:+.1f}".replace("-", "−"),
         "shape": mask.shape,
-        "scaled": max(mask.shape) > 256,
+        "size": SIZE,
+        "scaled": max(mask.shape) > SIZE,
         "bar": Markup(figures.svg(figures.colour_bar(limit, "image − reference [radiance]"), f"{name}-bar")),
-    }
-
-
-def mapped(metrics: Sequence[str]) -> list[str]:
-    """The metrics that get maps of their own; that of the mean error is under the pictures, a plug-in may be absent."""
-    return [name for name in metrics if name in METRICS.names() and name != "mean_error"]
-
-
-def maps_of(
-    results: Results, group: Group, metrics: Sequence[str], shown: Sequence[Cell], name: str
-) -> list[dict[str, Any]]:
-    """Error maps of cells under each metric, on one scale a metric."""
-    if not shown:
-        return []
-    key = group.reference["reference_key"]
-    reference, mask = results.reference(key).astype(np.float64), results.mask(key)
-    images = [results.image(cell.row["key"]).astype(np.float64) for cell in shown]
-    maps = []
-    for i, metric in enumerate(METRICS.create(name, {}) for name in metrics):
-        errors = [metric.errors(image, reference, mask) for image in images]
-        maps.append(_maps(metric, errors, mask, shown, f"{name}-map{i}"))
-    return maps
-
-
-def _maps(
-    metric: Metric, errors: Sequence[pictures.Floats], mask: pictures.Mask, shown: Sequence[Cell], name: str
-) -> dict[str, Any]:
-    """The maps of one metric, with their scale."""
-    limit = pictures.error_limit([error[mask] for error in errors])
-    pngs = [pictures.error_map(error, mask, limit, metric.signed, MAP_SIZE) for error in errors]
-    label = (metric.map_formula or metric.name) + ("" if metric.unit == "1" else f" [{metric.unit}]")
-    return {
-        "metric": metric,
-        "limit": limit,
-        "clipped": 100 * float(np.mean([np.abs(error[mask]) > limit for error in errors])),
-        "shape": mask.shape,
-        "scaled": max(mask.shape) > MAP_SIZE,
-        "bar": Markup(figures.svg(figures.colour_bar(limit, label, metric.signed), name)),
-        "tiles": [{"cell": cell, "map": pictures.uri(png)} for cell, png in zip(shown, pngs, strict=True)],
     }
 
 

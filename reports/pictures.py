@@ -37,9 +37,9 @@ def _area_weights(n: int, m: int) -> Floats:
     return np.clip(high - low, 0, None) * m / n
 
 
-def picture(radiance: Floats, mask: Mask, exposure: float) -> bytes:
+def picture(radiance: Floats, mask: Mask, exposure: float, largest: int = 256) -> bytes:
     """PNG of radiance times exposure through the sRGB curve, clipped at white; transparent off the mask."""
-    linear, share = downscaled(radiance, mask)
+    linear, share = downscaled(radiance, mask, largest)
     linear = np.clip(linear * exposure, 0, 1)
     rgba = np.round(255 * np.dstack([encoded(linear), np.clip(share, 0, 1)])).astype(np.uint8)
     return _png(Image.fromarray(rgba))
@@ -61,6 +61,12 @@ def error_map(error: Floats, mask: Mask, limit: float, signed: bool = True, larg
     return _png(image, transparency=255)
 
 
+def scale(signed: bool = True) -> bytes:
+    """PNG of the colours of error maps from left to right, one pixel high."""
+    colours = (SIGNED if signed else UNSIGNED)(range(255))
+    return _png(Image.fromarray(np.round(255 * colours[None, :, :3]).astype(np.uint8)))
+
+
 def error_limit(errors: Sequence[Floats]) -> float:
     """The end of the scale that error maps share: a percentile of |error| over all their pixels."""
     size = np.abs(np.concatenate([error.ravel() for error in errors]))
@@ -80,6 +86,11 @@ def exposure_of(reference: Floats, mask: Mask) -> float:
 def uri(png: bytes) -> str:
     """An image as the source of an <img>."""
     return f"data:image/png;base64,{b64encode(png).decode()}"
+
+
+def svg_uri(svg: bytes) -> str:
+    """A drawing as the source of an <img>."""
+    return f"data:image/svg+xml;base64,{b64encode(svg).decode()}"
 
 
 def _png(image: Image.Image, **options: int) -> bytes:

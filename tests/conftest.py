@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+from browser import Browser, find
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: torch, not yet imported, takes no more than its own
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -29,3 +30,12 @@ def shared_data() -> Path:
     if not (folder / "MANIFEST.yaml").is_file():
         pytest.skip(f"no light files in {folder}; set GLOSSBENCH_DATA")
     return folder
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A chromium without a window; skips where none is installed."""
+    if find() is None:
+        pytest.skip("no chromium to open a report in; install the package chromium")
+    with Browser() as opened:
+        yield opened

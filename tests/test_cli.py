@@ -122,22 +122,23 @@ def test_a_run_ends_with_a_table_verdicts_and_the_path_of_the_report(call):
         assert row[5] in ("floor", f"{rms:.4g}")
     [claim] = results.claims
     assert f"{claim['verdict']} A [b] /c {claim['summary']}" in words(out)
-    assert lines[-1] == "report: results/tiny/report.html"
+    assert lines[-2:] == ["report: results/tiny/report.html", "report: results/tiny/report.pdf"]
     assert Path("results/tiny/report.html").is_file()
+    assert Path("results/tiny/report.pdf").is_file()
 
 
 def test_another_process_prints_the_same_kind_of_end(here):
     done = subprocess.run(process("run", "tiny.yaml", "-o", "elsewhere"), capture_output=True, text=True)
 
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines()[-1] == "report: elsewhere/report.html"
+    assert done.stdout.splitlines()[-2] == "report: elsewhere/report.html"
     assert (here / "elsewhere" / "cells.parquet").is_file()
 
 
 def test_a_folder_whose_name_looks_like_markup_is_printed_as_it_is(call):
     out = call("run", "tiny.yaml", "-f", "importance_sampling", "-o", "a[bold]b").out
 
-    assert out.splitlines()[-1] == "report: a[bold]b/report.html"
+    assert out.splitlines()[-2] == "report: a[bold]b/report.html"
 
 
 def test_a_failed_cell_is_told_and_the_exit_code_is_1(call, monkeypatch):
@@ -218,7 +219,7 @@ def test_a_run_under_another_light_writes_beside_the_study_s_own_results(call):
     code, out, _ = call("run", "tiny.yaml", "--light", "probe.exr", "-f", "importance_sampling")
 
     assert code == 0
-    assert out.splitlines()[-1] == "report: results/tiny_probe/report.html"
+    assert out.splitlines()[-2] == "report: results/tiny_probe/report.html"
     assert Results("results/tiny_probe").study["light"][0]["file"]["file"] == "probe.exr"
 
 
@@ -538,8 +539,8 @@ def test_version(call):
 
 @pytest.mark.parametrize(
     "command",
-    ["run", "report", "validate", "schema", "info", "light", "data", "data list", "data fetch", "check-method", "bench",
-     "sys-info"],
+    ["run", "report", "figure", "validate", "schema", "info", "light", "data", "data list", "data fetch",
+     "check-method", "bench", "sys-info"],
 )  # fmt: skip
 def test_every_command_explains_itself(call, command):
     code, out, err = call(*command.split(), "--help")
@@ -778,6 +779,7 @@ def completed(line: str, shell: str = "bash") -> list[str]:
         ("glossbench info quick", ["quickstart"]),
         ("glossbench info kur", ["kurt"]),
         ("glossbench data fetch teap", ["teapot"]),
+        ("glossbench figure results conv", ["convergence"]),
         ("glossbench light orient", ["orientation"]),
         ("glossbench vali", ["validate"]),
         ("glossbench run ./my", []),
@@ -842,11 +844,52 @@ def test_sys_info_names_versions_and_the_machine(call):
     assert {"glossbench", "python", "numpy", "platform", "processor", "cores", "cuda"} <= set(said)
 
 
-def test_report_writes_the_report_again(call):
+def test_report_writes_the_reports_again_or_one_of_them(call):
     call("run", "tiny.yaml", "-f", "importance_sampling")
-    Path("results/tiny/report.html").unlink()
+    paths = {name: Path(f"results/tiny/report.{name}") for name in ("html", "pdf")}
+    said = {name: f"report: {path}\n" for name, path in paths.items()}
+    for flags, names in (([], ["html", "pdf"]), (["--pdf"], ["pdf"]), (["--html"], ["html"]),
+                         (["--pdf", "--html"], ["html", "pdf"])):  # fmt: skip
+        for path in paths.values():
+            path.unlink(missing_ok=True)
 
-    code, out, _ = call("report", "results/tiny")
+        code, out, _ = call("report", "results/tiny", *flags)
 
-    assert (code, out) == (0, "report: results/tiny/report.html\n")
-    assert Path("results/tiny/report.html").is_file()
+        assert (code, out) == (0, "".join(said[name] for name in names))
+        assert [name for name, path in paths.items() if path.is_file()] == names
+
+
+def test_figures_are_listed_and_written(call):
+    call("run", "tiny.yaml", "-f", "importance_sampling")
+
+    _, listed, _ = call("figure", "results/tiny")
+    code, out, _ = call("figure", "results/tiny", "crops", "--crop", "1,2,3,4", "-o", "c.svg")
+    by_default = call("figure", "results/tiny", "answer").out
+
+    assert [line.split()[0] for line in listed.splitlines() if line] == [
+        "answer", "convergence", "costs", "crops", "images"
+    ]  # fmt: skip
+    assert (code, out) == (0, "figure: c.svg\n")
+    assert Path("c.svg").read_text().startswith("<svg")
+    assert by_default == "figure: results/tiny/answer.pdf\n"
+    assert Path("results/tiny/answer.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["crop"], "error: no figure is called 'crop'; did you mean 'crops'?"),
+        (["costs", "--crop", "1,2,3,4"], "error: the figure costs takes no --crop"),
+        (["crops", "--crop", "1,2,3"], "error: --crop must be four whole numbers X,Y,WIDTH,HEIGHT, got '1,2,3'"),
+        (["crops", "--group", "2"], "error: --group must be one of 1: "),
+        (["crops", "-o", "a.gif"], "error: a.gif: the extension must be .pdf, .svg or .png, got '.gif'"),
+    ],
+)
+def test_a_wrong_call_of_figure_is_one_line(call, arguments, message):
+    call("run", "tiny.yaml", "-f", "importance_sampling")
+
+    code, out, err = call("figure", "results/tiny", *arguments)
+
+    assert (code, out) == (2, "")
+    assert err.startswith(message)
+    assert err.count("\n") == 1

@@ -1,0 +1,64 @@
+"""`glossbench figure`: one figure of results as a file of its own."""
+
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from inspect import cleandoc, signature
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from glossbench.commands.completion import figures as figure_names
+from glossbench.commands.completion import results as result_folders
+from glossbench.errors import InputError, nearest
+from glossbench.printing import print_rows, say
+
+
+def figure(
+    results: Annotated[Path, typer.Argument(help="A folder that a run made.", autocompletion=result_folders)],
+    name: Annotated[
+        str | None, typer.Argument(help="Of the figure; without one, list them.", autocompletion=figure_names)
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A .pdf, .svg or .png file; RESULTS/NAME.pdf.")
+    ] = None,
+    group: Annotated[int | None, typer.Option(help="Which light, material and view, from 1 on.")] = None,
+    metric: Annotated[str | None, typer.Option(help="Of errors; else the study's first, or the signed error.")] = None,
+    crop: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y,WIDTH,HEIGHT", help="A window in pixels, as in the viewer's address; repeatable."),
+    ] = None,
+) -> None:
+    """Write a single figure of results."""
+    from glossbench.results import Results
+
+    figures = registered_figures()
+    opened = Results.open(results)
+    if name is None:
+        print_rows({key: cleandoc(draw.__doc__ or "").splitlines()[0] for key, draw in figures.items()})
+        return
+    if name not in figures:
+        raise InputError(f"no figure is called {name!r}{nearest(name, figures)}")
+    given = {"group": group, "metric": metric, "crop": [_window(text) for text in crop or ()] or None}
+    told = {option: value for option, value in given.items() if value is not None}
+    if not_taken := sorted(set(told) - set(signature(figures[name]).parameters)):
+        raise InputError(f"the figure {name} takes no --{not_taken[0]}")
+    path = output or opened.folder / f"{name}.pdf"
+    figures[name](opened.folder, path, **told)
+    say(f"figure: {path}")
+
+
+def registered_figures() -> dict[str, Callable[..., Any]]:
+    """The figures of the entry-point group `glossbench.figures`: functions (folder, path, options by name)."""
+    return {point.name: point.load() for point in entry_points(group="glossbench.figures")}
+
+
+def _window(text: str) -> tuple[int, ...]:
+    parts = text.split(",")
+    try:
+        window = tuple(int(part) for part in parts)
+    except ValueError:
+        window = ()
+    if len(window) != 4:
+        raise InputError(f"--crop must be four whole numbers X,Y,WIDTH,HEIGHT, got {text!r}")
+    return window

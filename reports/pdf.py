@@ -1,0 +1,168 @@
+"""The PDF report of a study: the same as the page, for print, read from what the run left on disk."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from matplotlib.figure import Figure
+
+from glossbench.atomic import replacing
+from glossbench.citations import cited_by
+from glossbench.metrics import METRICS
+from glossbench.results import Results
+
+from .answer import Answer, answer_of
+from .cells import Group, grouped, listed, parsed
+from .descriptions import described
+from .equal import error_at_time, time_at_error
+from .images import MOST_PICTURES, chosen
+from .lines import Place, axis_of, lines_at, places_of
+from .notation import runs
+from .print_images import PrintedGroup, middle_budgets
+from .print_plots import error_by_method, error_over, quantities
+from .print_tables import claim_table, cost_table, equal_table, error_tables, reference_table
+from .typesetting import Press
+
+
+def write_report(folder: Path) -> Path:
+    """Writes report.pdf into a folder of results, whole or not at all, and returns its path."""
+    results = Results(folder)
+    study = results.study
+    rows = [parsed(row) for row in results.cells.to_dict("records")]
+    metrics = [name for name in study.get("metrics") or () if name in results.cells.columns]
+    groups = grouped(rows, metrics)
+    places = places_of([group for group in groups if group.done])
+    citations = cited_by(_used(rows, metrics), str(study.get("source") or ""))
+    with Press() as press:
+        answer, images = _images(results, groups, answer_of(groups, metrics[0]) if metrics else None, press)
+        errors, *more_errors = error_tables(groups, metrics)
+        data = {
+            "title": str(study.get("title", "")),
+            "source": str(study.get("source") or ""),
+            "question": " ".join(str(study.get("question") or "").split()),
+            "facts": _facts(results.provenance, rows),
+            "claims": [
+                {"text": c["text"], "verdict": c["verdict"], "summary": c.get("summary", "")} for c in results.claims
+            ],
+            "answer": answer,
+            "errors": errors,
+            "more_errors": more_errors,
+            "costs": cost_table(groups),
+            "plots": _plots(places, metrics[0], press) if metrics else [],
+            "equal": _equal(places, metrics[0]) if metrics else [],
+            "images": images,
+            "methods": _methods(rows, press),
+            "metrics": [_metric(name) for name in metrics],
+            "references": reference_table(groups),
+            "without_image": _without_image(groups),
+            "numbers": [claim_table(claim) for claim in results.claims if claim.get("numbers")],
+            "bibliography": press.add("\n".join(c.bibtex for c in citations).encode(), "bib") if citations else None,
+            "study": yaml.safe_dump(study, sort_keys=False, allow_unicode=True, width=48, default_flow_style=None),
+            "provenance": _provenance(results.provenance, study, groups),
+        }
+        pdf = press.pages("report.typ", data)
+    path = Path(folder) / "report.pdf"
+    with replacing(path) as part:
+        part.write_bytes(pdf)
+    return path
+
+
+def _images(
+    results: Results, groups: Sequence[Group], answer: Answer | None, press: Press
+) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
+    """The figure of the answer; and of each group the whole images and, unless it is the answer's, crops."""
+    first, found = None, []
+    for group, cells in zip(groups, chosen(groups, MOST_PICTURES), strict=True):
+        if not group.done:
+            continue
+        printed = PrintedGroup(results, group, press)
+        crops = None
+        if answer is not None and answer.group is group:
+            first = printed.crops(answer.cells)
+        else:
+            crops = printed.crops(middle_budgets(group))
+        found.append({"whole": printed.whole(cells), "crops": crops, "left_out": len(group.done) - len(cells)})
+    return first, found
+
+
+def _plots(places: Sequence[Place], metric: str, press: Press) -> list[dict[str, Any]]:
+    """At each place the study's first metric over samples and over each cost."""
+    found = []
+    for place in places:
+        if figure := plot_of(place, metric):
+            alt = f"Plots of {metric} over samples and costs: {place.title}"
+            found.append(press.figure(figure) | {"alt": alt, "title": place.title, "metric": metric})
+    return found
+
+
+def plot_of(place: Place, metric: str) -> Figure | None:
+    """A metric over samples and costs; where each method has one budget and no cost, by method."""
+    lines, axis = lines_at(place, metric), axis_of(place, metric)
+    if not lines:
+        return None
+    over = quantities(lines, axis)
+    return error_over(over, lines, axis) if over else error_by_method(lines, axis)
+
+
+def _equal(places: Sequence[Place], metric: str) -> list[dict[str, Any]]:
+    """Tables of equal time and equal error of each place, where two lines can be compared."""
+    found = []
+    for place in places:
+        lines, axis = lines_at(place, metric), axis_of(place, metric)
+        if by_time := error_at_time(lines, axis):
+            found.append(equal_table(by_time, f"{place.title}: {axis.label} at equal shading time", "ms"))
+        if by_error := time_at_error(lines, axis):
+            found.append(equal_table(by_error, f"{place.title}: shading time [ms] at equal {axis.label}", ""))
+    return found
+
+
+def _used(rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tuple[str, str]]:
+    """(kind, name) of all that a study is made of, methods first."""
+    found = {(kind, str(row[kind])): None for kind in ("method", "material", "light", "view") for row in rows}
+    return [*found, *(("metric", name) for name in metrics)]
+
+
+def _methods(rows: Sequence[Mapping[str, Any]], press: Press) -> list[dict[str, Any]]:
+    return [
+        each._asdict() | {"equation": each.equation if press.is_equation(each.equation) else ""}
+        for each in described([row["method"] for row in rows])
+    ]
+
+
+def _metric(name: str) -> dict[str, Any]:
+    if name not in METRICS.names():
+        return {"name": name, "unit": "", "formula": runs("defined by a plug-in")}
+    cls = METRICS.get(name)
+    return {"name": name, "unit": cls.unit.replace("1", ""), "formula": runs(cls.formula)}
+
+
+def _without_image(groups: Sequence[Group]) -> list[dict[str, Any]]:
+    """Skipped cells with their reasons, failed ones with their tracebacks."""
+    return [
+        {"name": cell.row["method"], "options": cell.options or listed(cell.row["options"]), "place": group.title,
+         "status": cell.row["status"], "reason": (cell.row["reason"] or "").strip() or "no reason is known"}
+        for group in groups
+        for cell in group.cells
+        if not cell.done
+    ]  # fmt: skip
+
+
+def _facts(provenance: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """One line under the title: with what, when and how much."""
+    n_done = sum(row["status"] == "done" for row in rows)
+    counts = f"{len(rows)} cells" + ("" if n_done == len(rows) else f", {n_done} of them with an image")
+    version, started = provenance.get("glossbench"), str(provenance.get("started", ""))[:10]
+    return [text for text in (f"glossbench {version}" if version else "", started, counts) if text]
+
+
+def _provenance(
+    provenance: Mapping[str, Any], study: Mapping[str, Any], groups: Sequence[Group]
+) -> list[dict[str, str]]:
+    facts = {key.replace("_", " "): listed(v) if isinstance(v, Mapping) else str(v) for key, v in provenance.items()}
+    if isinstance(study.get("reference"), Mapping):
+        facts["reference"] = listed(study["reference"])
+    for group in groups:
+        stated = (f"{kind}: {listed(options) or 'no options'}" for kind, options in group.options.items())
+        facts[group.title] = "; ".join(stated)
+    return [{"name": name, "value": value} for name, value in facts.items()]

@@ -1,0 +1,158 @@
+"""Tables for print: what each cell reached and cost, the references, and the numbers behind verdicts, as text."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from glossbench.metrics import METRICS
+
+from .cells import Cell, Group, listed
+from .equal import Table
+from .figures import number
+
+Texts = list[dict[str, Any]]
+MOST_METRICS = 6  # of one table, so that it fits a page
+CHANGES = ("light", "material", "geometry", "view")
+
+
+def error_tables(groups: Sequence[Group], metrics: Sequence[str]) -> list[dict[str, Any]]:
+    """Errors of all cells with what each took of time and memory, so many metrics a table."""
+    parts = [metrics[i : i + MOST_METRICS] for i in range(0, len(metrics), MOST_METRICS)] or [[]]
+    return [_errors(groups, part) for part in parts]
+
+
+def _errors(groups: Sequence[Group], metrics: Sequence[str]) -> dict[str, Any]:
+    columns = [_column("method"), _column("samples"), *(_column(name, _unit(name)) for name in metrics)]
+    columns += [_column("shade", "ms"), _column("state", "MB")]
+
+    def texts(cell: Cell, group: Group) -> Texts:
+        row = cell.row
+        if row["at_noise_floor"] and metrics:
+            floor = f"at the noise floor, RMS ≤ {number(2 * row['reference_noise'], 2)}"
+            errors = [_text(floor, True, len(metrics))]
+        else:
+            errors = [_text(number(row.get(name)), row["key"] in group.best[name]) for name in metrics]
+        costs = number(1e3 * row["shade_seconds"]), number(row["state_bytes"] / 1e6)
+        return [_text(whole(row["n_samples"])), *errors, *map(_text, costs)]
+
+    caption = (
+        "Errors and costs of all cells. Bold: the best of its light, material and view. At the noise floor: the RMS "
+        "error is within twice the reference's own noise, so the reference cannot tell how large it is; such cells "
+        "share the best place. Shading time of a warm run; state is what the stages leave in memory."
+    )
+    return _table(caption, columns, groups, texts)
+
+
+def cost_table(groups: Sequence[Group]) -> dict[str, Any]:
+    """Precomputation of all cells, and what of it each change asks for again."""
+    columns = [_column("method"), _column("samples"), _column("shade", "ms"), _column("stages", "ms")]
+    columns += [_column(f"new {change}", "ms") for change in CHANGES] + [_column("state", "MB")]
+
+    def texts(cell: Cell, group: Group) -> Texts:
+        row = cell.row
+        seconds = [row["shade_seconds"], sum(row["stage_seconds"].values())]
+        seconds += [row["update_seconds"].get(change, 0) for change in CHANGES]
+        state = _text(number(row["state_bytes"] / 1e6))
+        return [_text(whole(row["n_samples"])), *(_text(number(1e3 * s)) for s in seconds), state]
+
+    caption = (
+        "Costs of all cells. Stages: all precomputation. New light, material, geometry, view: the part of it that "
+        "must be redone when that changes."
+    )
+    return _table(caption, columns, groups, texts, only_done=True)
+
+
+def reference_table(groups: Sequence[Group]) -> dict[str, Any] | None:
+    """The references; None where there is none."""
+    rows = []
+    for group in groups:
+        if r := group.reference:
+            mean, noise, target = (r.get(f"reference_{what}") for what in ("mean", "noise", "target"))
+            relative = number(noise / mean, 2) if mean and noise is not None else "–"
+            if target and noise and mean and noise > target:
+                relative += f" (target {number(target / mean, 2)} not met)"
+            texts = [number(mean), number(noise, 2), relative, whole(r["reference_samples"])]
+            texts.append(number(r["reference_seconds"]))
+            rows.append({"name": group.title, "options": "", "cells": [_text(text) for text in texts]})
+    if not rows:
+        return None
+    columns = [_column("light, material, view"), _column("mean", "radiance"), _column("noise", "radiance")]
+    columns += [_column("noise / mean"), _column("samples", "a pixel"), _column("time", "s")]
+    caption = "The references. Noise: RMS, over masked pixels and channels, of the standard error."
+    return {"caption": caption, "columns": columns, "groups": [{"title": "", "rows": rows}]}
+
+
+def equal_table(table: Table, caption: str, unit: str) -> dict[str, Any]:
+    """What each line would reach at equal times or errors, between the points it has."""
+    columns = [_column("method"), *(_column(number(at, 1), unit) for at in table.at)]
+    rows = [
+        {"name": line.name, "options": "", "cells": [
+            _text(number(value), value is not None and value == best)
+            for value, best in zip(values, table.best, strict=True)
+        ]}
+        for line, values in zip(table.lines, table.rows, strict=True)
+    ]  # fmt: skip
+    return {"caption": f"{caption}, by interpolation.", "columns": columns, "groups": [{"title": "", "rows": rows}]}
+
+
+def claim_table(claim: Mapping[str, Any]) -> dict[str, Any]:
+    """The cases of a claim."""
+    columns = [_column("where"), *(_column(name) for name in ("a", "b", "bound", "noise", "verdict"))]
+    rows = []
+    for case in claim["numbers"]:
+        where = case["where"] if isinstance(case["where"], str) else listed(case["where"])
+        texts = [_value(case.get(key)) for key in ("a", "b", "bound", "noise")] + [str(case.get("verdict", ""))]
+        rows.append({"name": where, "options": "", "cells": [_text(text) for text in texts]})
+    groups = [{"title": "", "rows": rows}]
+    return {"caption": f"{claim['text']}: {claim['verdict']}.", "columns": columns, "groups": groups}
+
+
+def whole(value: float | None) -> str:
+    """A whole number with narrow spaces between thousands."""
+    if value is None:
+        return "–"
+    return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
+
+
+def _table(
+    caption: str,
+    columns: list[dict[str, str]],
+    groups: Sequence[Group],
+    texts: Callable[[Cell, Group], Texts],
+    only_done: bool = False,
+) -> dict[str, Any]:
+    """A table with a part for each group: of each cell its texts, or why there is no image."""
+    parts = []
+    for group in groups:
+        rows = []
+        for cell in group.done if only_done else group.cells:
+            row: dict[str, Any] = {"name": cell.row["method"], "options": cell.options}
+            rows.append(row | ({"cells": texts(cell, group)} if cell.done else {"outcome": outcome(cell)}))
+        if rows:
+            parts.append({"title": group.title, "rows": rows})
+    return {"caption": caption, "columns": columns, "groups": parts}
+
+
+def outcome(cell: Cell) -> str:
+    """Why a cell has no image, in one line."""
+    lines = (cell.row["reason"] or "no reason is known").strip().splitlines()
+    return f"{cell.row['status']}: {lines[-1] if cell.row['status'] == 'failed' else ' '.join(lines)}"
+
+
+def _column(title: str, unit: str = "") -> dict[str, str]:
+    return {"title": title, "unit": unit}
+
+
+def _unit(metric: str) -> str:
+    return METRICS.get(metric).unit.replace("1", "") if metric in METRICS.names() else ""
+
+
+def _text(text: str, best: bool = False, span: int = 1) -> dict[str, Any]:
+    return {"text": text, "best": best, "span": span}
+
+
+def _value(value: Any) -> str:
+    if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
+        return number(value)
+    if isinstance(value, list):
+        return " to ".join(number(each) for each in value)
+    return listed(value) if isinstance(value, Mapping) else str(value)

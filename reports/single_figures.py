@@ -1,0 +1,138 @@
+"""Single figures of results, each a file of its own: .pdf, .svg or .png.
+
+What a figure may be told by name (group, metric, crop) is what its function takes; the command line asks for no more.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+from glossbench.atomic import replacing
+from glossbench.errors import InputError, nearest
+from glossbench.metrics import METRICS
+from glossbench.results import Results
+
+from .answer import answer_of
+from .cells import Group, grouped, parsed
+from .crops import Crop
+from .images import MOST_PICTURES, chosen
+from .lines import axis_of, lines_at, places_of
+from .print_images import PrintedGroup, middle_budgets
+from .print_plots import SAMPLES, error_by_method, error_over, quantities
+from .typesetting import Format, Press
+
+
+def answer(folder: Path, path: Path, *, metric: str | None = None) -> None:
+    """The picture of the report's first page: crops of the methods where the metric tells most between them."""
+    run = _read(folder, metric)
+    found = answer_of(run.groups, run.metric)
+    if found is None:
+        raise InputError(f"{folder} has no cell with an image and {run.metric}")
+    with Press() as press:
+        data = PrintedGroup(run.results, found.group, press).crops(found.cells)
+        _write(press, path, {"kind": "crops", **data})
+
+
+def crops(
+    folder: Path,
+    path: Path,
+    *,
+    group: int | None = None,
+    metric: str | None = None,
+    crop: Sequence[tuple[int, int, int, int]] = (),
+) -> None:
+    """Crops of each method at its middle budget, with their errors, beside a marked reference."""
+    run = _read(folder, metric)
+    of = _numbered(run, group)
+    with Press() as press:
+        printed = PrintedGroup(run.results, of, press, metric)
+        data = printed.crops(middle_budgets(of), [_inside(Crop(*each), printed) for each in crop])
+        _write(press, path, {"kind": "crops", **data})
+
+
+def images(folder: Path, path: Path, *, group: int | None = None, metric: str | None = None) -> None:
+    """Whole images over their signed errors, or over the error maps of a metric."""
+    run = _read(folder, metric)
+    of = _numbered(run, group)
+    with Press() as press:
+        printed = PrintedGroup(run.results, of, press, metric)
+        _write(press, path, {"kind": "images", **printed.whole(chosen([of], MOST_PICTURES)[0])})
+
+
+def convergence(folder: Path, path: Path, *, group: int | None = None, metric: str | None = None) -> None:
+    """A metric over samples, with fitted slopes and the reference's noise; by method where each has one budget."""
+    _plot(folder, path, group, metric, lambda over: [each for each in over if each == SAMPLES])
+
+
+def costs(folder: Path, path: Path, *, group: int | None = None, metric: str | None = None) -> None:
+    """A metric over shading time, update costs and memory, with the Pareto front."""
+    _plot(folder, path, group, metric, lambda over: [each for each in over if each != SAMPLES])
+
+
+class _Run(NamedTuple):
+    results: Results
+    groups: Sequence[Group]
+    metric: str
+
+
+def _read(folder: Path, metric: str | None) -> _Run:
+    """Results with the groups that have images, and the metric that was asked for or the study's first."""
+    results = Results.open(folder)
+    cells = results.cells
+    metrics = [name for name in results.study.get("metrics") or () if name in cells.columns]
+    known = {*metrics, *(name for name in METRICS.names() if name in cells.columns)}
+    if metric is not None and metric not in known:
+        raise InputError(f"{folder} has no metric {metric!r}{nearest(metric, known)}")
+    groups = grouped([parsed(row) for row in cells.to_dict("records")], sorted(known))
+    return _Run(results, [group for group in groups if group.done], metric or (metrics or ["rms"])[0])
+
+
+def _numbered(run: _Run, number: int | None) -> Group:
+    """A group by its number from 1 on; without one the only group that there is."""
+    titles = "; ".join(f"{i}: {group.title}" for i, group in enumerate(run.groups, 1))
+    if not run.groups:
+        raise InputError(f"{run.results.folder} has no cell with an image")
+    if number is None and len(run.groups) > 1:
+        raise InputError(f"which light, material and view? --group must be one of {titles}")
+    if number is not None and not 1 <= number <= len(run.groups):
+        raise InputError(f"--group must be one of {titles}, got {number}")
+    return run.groups[(number or 1) - 1]
+
+
+def _inside(crop: Crop, printed: PrintedGroup) -> Crop:
+    height, width = printed.mask.shape
+    if (
+        min(crop) < 0
+        or min(crop.width, crop.height) < 1
+        or crop.x + crop.width > width
+        or crop.y + crop.height > height
+    ):
+        asked = ",".join(map(str, crop))
+        raise InputError(f"--crop X,Y,WIDTH,HEIGHT must lie within {width} x {height} pixels, got {asked}")
+    return crop
+
+
+def _plot(
+    folder: Path, path: Path, group: int | None, metric: str | None, picked: Callable[[list[str]], list[str]]
+) -> None:
+    run = _read(folder, metric)
+    of = _numbered(run, group)
+    place = next(place for place in places_of(run.groups) if list(place.groups) == [of])
+    lines, axis = lines_at(place, run.metric), axis_of(place, run.metric)
+    if not lines:
+        raise InputError(f"no cell of {of.title} has {run.metric}")
+    over = picked(quantities(lines, axis))
+    with Press() as press:
+        figure = error_over(over, lines, axis) if over else error_by_method(lines, axis)
+        alt = f"{run.metric} of each method: {of.title}"
+        _write(press, path, {"kind": "plot", "alt": alt, **press.figure(figure)})
+
+
+def _write(press: Press, path: Path, data: dict[str, Any]) -> None:
+    """The figure in the form that the name of its file asks for, whole or not at all."""
+    form = path.suffix.lower().lstrip(".")
+    if form not in ("pdf", "svg", "png"):
+        raise InputError(f"{path}: the extension must be .pdf, .svg or .png, got {path.suffix!r}")
+    content = press.pages("figure.typ", data, cast("Format", form))
+    with replacing(path) as part:
+        part.write_bytes(content)

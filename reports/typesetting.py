@@ -1,0 +1,96 @@
+"""The road to typst: a folder with data, images and templates becomes pages; what a study says stays text."""
+
+import json
+import re
+from collections.abc import Mapping
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Any, Literal
+
+import typst
+from matplotlib import get_data_path, rc_context
+from matplotlib.figure import Figure
+
+from .figures import RC
+
+TEMPLATES = Path(__file__).parent / "templates"
+LONGEST = 64  # characters without a space; in a longer word a line may break
+PIECE = 16  # after so many characters
+Format = Literal["pdf", "png", "svg"]
+
+
+class Press:
+    """A folder that typst reads from and that is gone afterwards; templates see no file outside it.
+
+    Texts reach a template as JSON strings, never as source: a title that looks like code is printed as it is.
+    """
+
+    def __enter__(self) -> "Press":
+        self._temporary = TemporaryDirectory(prefix="glossbench-")
+        self.folder = Path(self._temporary.name)
+        fonts = typst.Fonts(font_paths=[str(Path(get_data_path()) / "fonts" / "ttf")])
+        self._compiler = typst.Compiler(root=str(self.folder), font_paths=fonts)
+        self._n_files = 0
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._temporary.cleanup()
+
+    def add(self, content: bytes, ending: str) -> str:
+        """The name of a new file with this content."""
+        self._n_files += 1
+        name = f"{self._n_files}.{ending}"
+        (self.folder / name).write_bytes(content)
+        return name
+
+    def figure(self, figure: Figure) -> dict[str, Any]:
+        """File and width [pt] of a plot as SVG: lines stay lines, text stays text, in the font that measured it."""
+        out = BytesIO()
+        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        with rc_context({**RC, "svg.hashsalt": str(self._n_files)}):
+            figure.savefig(out, format="svg", transparent=True, metadata=nothing)
+        return {"file": self.add(out.getvalue(), "svg"), "width": 72 * figure.get_figwidth()}
+
+    def is_equation(self, text: str) -> bool:
+        """Whether typst can set this as mathematics."""
+        source = self.folder / "equation.typ"
+        source.write_text('#eval(sys.inputs.text, mode: "math")')
+        try:
+            self._compiler.compile(str(source), sys_inputs={"text": text})
+        except typst.TypstError:
+            return False
+        return True
+
+    def equation(self, text: str) -> bytes:
+        """An SVG of mathematics that `is_equation`, in black, with no page about it."""
+        source = self.folder / "line.typ"
+        source.write_text(
+            "#set page(width: auto, height: auto, margin: 1pt, fill: none)\n#set text(size: 13pt)\n"
+            '#math.equation(block: true, eval(sys.inputs.text, mode: "math"))'
+        )
+        made = self._compiler.compile(str(source), format="svg", sys_inputs={"text": text})
+        return made[0] if isinstance(made, list) else made
+
+    def pages(self, template: str, data: Mapping[str, Any], form: Format = "pdf") -> bytes:
+        """What a template makes of data: a PDF, or an image of its first page."""
+        (self.folder / "data.json").write_text(json.dumps(_breakable(data), ensure_ascii=True), encoding="utf-8")
+        for source in TEMPLATES.glob("*.typ"):
+            (self.folder / source.name).write_bytes(source.read_bytes())
+        made = self._compiler.compile(str(self.folder / template), format=form, ppi=300)
+        first = made[0] if isinstance(made, list) else made
+        assert first is not None  # without an output file typst returns what it made
+        return first
+
+
+def _breakable(value: Any) -> Any:
+    """Data in whose long words a line may break, at spaces without width."""
+    if isinstance(value, str):
+        text = value.encode("utf-8", "backslashreplace").decode()  # half a character would not be JSON
+        return re.sub(rf"\S{{{LONGEST + 1},}}", lambda word: re.sub(rf".{{{PIECE}}}", "\\g<0>\u200b", word[0]), text)
+    if isinstance(value, Mapping):
+        return {key: _breakable(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_breakable(each) for each in value]
+    return value

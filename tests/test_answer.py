@@ -1,0 +1,68 @@
+"""What a first glance and a spreadsheet are given: the picture of the answer, the CSV of all cells."""
+
+import base64
+import io
+
+import pandas as pd
+import pytest
+from test_lines import rows
+
+from glossbench.reports.answer import answer_of
+from glossbench.reports.cells import grouped
+from glossbench.reports.spreadsheet import csv_link
+
+
+def answer(given):
+    return answer_of(grouped(given, ["rms"]), "rms")
+
+
+def test_the_answer_is_where_methods_differ_most_beside_the_mean_of_the_reference():
+    check_answer(answer(told([1, 2, 10], means=[1.0, 0.1, 10.0])))
+
+
+def test_the_check_of_the_answer_notices_absolute_differences():
+    with pytest.raises(AssertionError):
+        check_answer(answer(told([1, 2, 10], means=[1.0, 1.0, 1.0])))
+
+
+def told(factors, means):
+    """Errors of both methods differ by 0.4, 0.2 and 0.03 at 4, 16 and 64 samples, times the factor of the light."""
+    return [row | {"reference_mean": means[int(row["reference_key"][1:])]} for row in rows(factors)]
+
+
+def check_answer(found):
+    assert found.group.reference["reference_key"] == "r1"
+    assert found.budget == 4
+    assert [cell.row["key"] for cell in found.cells] == ["few-4-1", "many-4-1"]
+
+
+def test_a_budget_that_more_methods_share_comes_first():
+    given = [row for row in rows([1]) if row["key"] != "many-4-0"]
+
+    assert answer(given).budget == 16
+
+
+def test_a_method_without_a_budget_stands_beside_all_of_them():
+    given = rows([1])
+    lookup = given[0] | {"key": "lookup", "method": "lookup", "options": {}, "rms": 0.41}
+
+    assert [cell.row["key"] for cell in answer([*given, lookup]).cells] == ["few-4-0", "many-4-0", "lookup"]
+
+
+def test_of_a_single_method_the_best_the_worst_and_some_between_are_shown():
+    one = rows([1])[0]
+    given = [one | {"key": f"{i}", "options": {"samples": 4, "k": i}, "rms": 1.0 + i} for i in range(9)]
+
+    assert [cell.row["key"] for cell in answer(given).cells] == ["0", "2", "4", "6", "8"]
+
+
+def test_without_an_image_there_is_no_answer():
+    assert answer([row | {"status": "failed"} for row in rows([1])]) is None
+
+
+def test_a_spreadsheet_takes_no_name_for_a_formula():
+    link = csv_link(pd.DataFrame({"method": ["=HYPERLINK()", "@x", "plain"], "mean_error": [-0.1, 1 / 3, 2.0]}))
+
+    table = pd.read_csv(io.BytesIO(base64.b64decode(link.split(",", 1)[1])))
+    assert table.method.tolist() == ["'=HYPERLINK()", "'@x", "plain"]
+    assert table.mean_error.tolist() == [-0.1, 1 / 3, 2.0]

@@ -1,0 +1,193 @@
+"""Lines of plots: means over lights, Pareto fronts, and what they would reach at equal times and equal errors."""
+
+import json
+from statistics import NormalDist
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from glossbench.reports.cells import grouped, parsed
+from glossbench.reports.equal import error_at_time, time_at_error
+from glossbench.reports.lines import Axis, Line, front, lines_at, places_of
+
+RMS = {"few": [0.4, 0.1, 0.05], "many": [0.8, 0.3, 0.02]}
+SAMPLES = [4, 16, 64]
+
+
+def line(name, index, ms, errors, at_floor=None):
+    n = len(ms)
+    return Line(
+        name, index, np.arange(1.0, n + 1), {"shade": np.array(ms, float)}, np.array(errors, float),
+        np.array(at_floor or [False] * n),
+    )  # fmt: skip
+
+
+def rows(factors):
+    """Cells of two methods with three budgets under lights that make each error so many times as large."""
+    found = []
+    for seed, factor in enumerate(factors):
+        for method, errors in RMS.items():
+            for n, rms in zip(SAMPLES, errors, strict=True):
+                found.append(parsed({
+                    "key": f"{method}-{n}-{seed}", "reference_key": f"r{seed}", "light": "spots",
+                    "light_options": json.dumps({"seed": seed}), "material": "kurt", "material_options": "{}",
+                    "view": "sphere", "view_options": "{}", "method": method, "options": json.dumps({"samples": n}),
+                    "tuned": "{}", "status": "done", "reason": "", "rms": rms * factor, "at_noise_floor": False,
+                    "reference_noise": 1e-3 * factor, "reference_mean": 1.0, "n_samples": n, "shade_seconds": 1e-3 * n,
+                    "stage_seconds": "{}", "update_seconds": json.dumps({"light": 0.05}), "state_bytes": 2_000_000,
+                }))  # fmt: skip
+    return found
+
+
+def mean_of(factors):
+    return places_of(grouped(rows(factors), ["rms"]))[-1]
+
+
+def test_each_light_has_a_place_and_all_of_them_one_more():
+    places = places_of(grouped(rows([1, 2, 4]), ["rms"]))
+
+    assert [len(place.groups) for place in places] == [1, 1, 1, 3]
+    assert places[-1].title == "mean over 3 lights, kurt, sphere"
+    assert len(places_of(grouped(rows([1]), ["rms"]))) == 1
+
+
+def test_a_line_knows_its_cells_and_all_its_costs():
+    first = lines_at(places_of(grouped(rows([1]), ["rms"]))[0], "rms")[0]
+
+    assert first.name == "few"
+    assert first.keys == ["few-4-0", "few-16-0", "few-64-0"]
+    assert {cost: values.tolist() for cost, values in first.costs.items()} == {
+        "shade": [4, 16, 64], "light": [50] * 3, "material": [0] * 3, "geometry": [0] * 3, "view": [0] * 3,
+        "memory": [2] * 3,
+    }  # fmt: skip
+    assert first.band is None
+
+
+def test_the_band_over_lights_is_the_t_interval_of_the_mean_of_log_error():
+    check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
+
+
+def test_the_check_of_bands_notices_a_normal_interval_and_a_mean_of_errors(monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr("glossbench.reports.lines.student", SimpleNamespace(ppf=lambda p, n: NormalDist().inv_cdf(p)))
+        with pytest.raises(AssertionError):
+            check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
+    monkeypatch.setattr("glossbench.reports.lines.np.log", lambda x: x)
+    monkeypatch.setattr("glossbench.reports.lines.np.exp", lambda x: x)
+    with pytest.raises(AssertionError):
+        check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
+
+
+def check_band(lines):
+    """By the tables t is 3.182446 for 3 degrees of freedom and 95 % between both sides; logarithms to base 10."""
+    for found in lines:
+        for i, rms in enumerate(RMS[found.name]):
+            logs = np.log10(rms * np.array([0.5, 1, 2, 3]))
+            half = 3.182446 * np.sqrt(np.sum((logs - logs.mean()) ** 2) / 3 / 4)
+            low, high = logs.mean() - half, logs.mean() + half
+            assert found.errors[i] == pytest.approx(10 ** logs.mean(), rel=1e-12)
+            assert (found.band[0][i], found.band[1][i]) == pytest.approx((10**low, 10**high), rel=1e-6)
+        assert not found.keys
+
+
+def test_two_lights_have_a_mean_and_no_band():
+    first = lines_at(mean_of([1, 4]), "rms")[0]
+
+    assert first.errors == pytest.approx(2 * np.array(RMS["few"]))
+    assert first.band is None
+
+
+def test_the_front_is_what_no_other_point_beats():
+    rng = np.random.default_rng(5)
+    lines = [line("a", 0, rng.integers(1, 9, 40), rng.integers(1, 9, 40)),
+             line("b", 1, rng.integers(1, 9, 40), rng.integers(1, 9, 40))]  # fmt: skip
+
+    masks = front(lines, "shade", Axis("rms"))
+
+    check_front(lines, masks)
+    with pytest.raises(AssertionError):  # one point more
+        check_front(lines, [np.append(True, masks[0][1:]) if not masks[0][0] else ~masks[0], masks[1]])
+
+
+def check_front(lines, masks):
+    """By its definition, point by point, over a grid full of ties."""
+    points = [(x, y) for each in lines for x, y in zip(each.costs["shade"], each.errors, strict=True)]
+    for point, is_on in zip(points, np.concatenate(masks), strict=True):
+        others = [other for other in points if other != point]
+        assert is_on == (not any(other[0] <= point[0] and other[1] <= point[1] for other in others))
+
+
+def test_at_the_noise_floor_a_lower_number_is_no_better():
+    cheap, costly = line("cheap", 0, [1], [0.019], [True]), line("costly", 1, [5], [0.01], [True])
+
+    masks = front([cheap, costly], "shade", Axis("rms", noise=0.01))
+
+    assert [mask.tolist() for mask in masks] == [[True], [False]]
+
+
+def test_a_metric_that_is_higher_for_better_images_has_its_front_above():
+    masks = front([line("a", 0, [1, 2, 3], [0.5, 0.9, 0.7])], "shade", Axis("ssim", is_log=False))
+
+    assert masks[0].tolist() == [True, True, False]
+
+
+# Equal time, equal error. Errors are powers of time, so that between points the true value is known.
+
+
+def powers():
+    t = np.array([1.0, 7.0, 40.0, 300.0])
+    return [line("half", 0, t, 2 * t**-0.5), line("one", 1, t, 5 * t**-1.0)], Axis("rms")
+
+
+def test_equal_time_is_exact_for_power_laws():
+    check_equal(error_at_time(*powers()), lambda t: (2 * t**-0.5, 5 / t))
+
+
+def test_equal_error_is_exact_for_power_laws():
+    check_equal(time_at_error(*powers()), lambda e: ((2 / e) ** 2, 5 / e))
+
+
+def test_the_check_of_equal_tables_notices_straight_lines_on_linear_axes(monkeypatch):
+    for name in ("np.log", "exp", "log"):
+        monkeypatch.setattr(f"glossbench.reports.equal.{name}", lambda x: x)
+
+    with pytest.raises(AssertionError):
+        check_equal(error_at_time(*powers()), lambda t: (2 * t**-0.5, 5 / t))
+
+
+def check_equal(table, truth):
+    assert 3 <= len(table.at) <= 6
+    for column, at in enumerate(table.at):
+        values = [row[column] for row in table.rows]
+        assert values == pytest.approx(truth(at), rel=1e-12)
+        assert table.best[column] == min(values)
+
+
+def test_nothing_is_extrapolated():
+    short, long = line("short", 0, [1, 10], [1, 0.1]), line("long", 1, [5, 500], [1, 0.01])
+
+    by_time = error_at_time([short, long], Axis("rms"))
+    by_error = time_at_error([short, long], Axis("rms"))
+
+    assert list(by_time.at) == [5, 7, 10]
+    assert list(by_error.at) == [1, 0.5, 0.2, 0.1]
+
+
+def test_the_first_time_counts_where_a_line_comes_down_twice():
+    wavy = line("wavy", 0, [1, 10, 100, 1000], [1, 0.1, 0.4, 0.05])
+
+    table = time_at_error([wavy, line("other", 1, [1, 1000], [1, 0.01])], Axis("rms"))
+
+    assert table.rows[0][list(table.at).index(0.2)] == pytest.approx(5)
+
+
+def test_points_at_the_floor_and_lines_of_one_point_are_not_interpolated():
+    floored = line("floored", 0, [1, 10, 100], [1, 0.1, 0.09], [False, False, True])
+    single = line("single", 1, [3], [0.3])
+
+    table = error_at_time([floored, single, line("other", 2, [1, 100], [1, 0.5])], Axis("rms"))
+
+    assert [each.name for each in table.lines] == ["floored", "other"]
+    assert max(table.at) <= 10
+    assert error_at_time([floored, single], Axis("rms")) is None
