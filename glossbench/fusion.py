@@ -74,5 +74,26 @@ def can_fuse() -> bool:
 
 @cache
 def fused(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """The kernel through torch.compile with dynamic shapes, or itself where there is no compiler."""
-    return torch.compile(kernel, dynamic=True) if can_fuse() else kernel
+    """The kernel through torch.compile with dynamic shapes, or itself where there is no compiler.
+
+    Where the compiler fails, as on a file that a killed process left half-written in its cache, one line says so and
+    the kernel runs eagerly from then on.
+    """
+    if not can_fuse():
+        return kernel
+    from torch._dynamo.exc import BackendCompilerFailed
+    from torch._inductor.exc import InductorError
+
+    run = torch.compile(kernel, dynamic=True)
+
+    def guarded(*arguments: Any) -> Any:
+        nonlocal run
+        try:
+            return run(*arguments)
+        except (BackendCompilerFailed, InductorError) as error:
+            why = str(error).strip().splitlines()[0]
+            logging.getLogger("glossbench").warning("%s is not compiled and runs eagerly: %s", kernel.__name__, why)
+            run = kernel
+            return kernel(*arguments)
+
+    return guarded

@@ -132,3 +132,24 @@ def test_without_a_compiler_kernels_run_eagerly_and_one_line_says_so(monkeypatch
     assert [r.getMessage() for r in caplog.records] == [
         "no C++ compiler found: kernels run eagerly, about 5 times slower"
     ]
+
+
+def test_a_kernel_that_the_compiler_fails_on_runs_eagerly_and_one_line_says_so(monkeypatch, caplog, fresh_caches):
+    from torch._inductor.exc import InductorError
+
+    def broken(*arguments):
+        raise InductorError(ImportError("main.so: file too short"), None)
+
+    monkeypatch.setattr(torch, "compile", lambda kernel, **options: broken)
+    run = fused(kernel_of_one)
+
+    values = [run(torch.ones(3)) for _ in range(2)]
+
+    assert [v.tolist() for v in values] == [[2.0] * 3] * 2
+    assert [record.getMessage() for record in caplog.records] == [
+        "kernel_of_one is not compiled and runs eagerly: ImportError: main.so: file too short"
+    ]
+
+
+def kernel_of_one(x):
+    return x + 1
