@@ -89,6 +89,7 @@ def on_canvas(page, pane=0):
     )
     left, top, width, height, x0, y0, scale = shown
     y, x = np.mgrid[:N, :N]
+    x0, y0 = (np.floor(corner + 0.5) for corner in (x0, y0))  # images begin at whole pixels of the screen
     column, row = x0 + scale * (x + 0.5), y0 + scale * (y + 0.5)
     margin = 2  # the border of A and B is drawn over the pixels beside it
     seen = (column > left + margin) & (column < left + width - margin) & (row > top) & (row < top + height)
