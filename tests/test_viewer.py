@@ -579,8 +579,8 @@ def test_a_reduced_flip_map_is_near_the_full_one():
     full, half = (payload._flip(image * mask[..., None], reference * mask[..., None], mask, n) for n in (1, 2))
 
     assert half.shape == full.shape
-    assert np.corrcoef(full[mask], half[mask])[0, 1] > 0.9
-    assert half[mask].mean() == pytest.approx(full[mask].mean(), rel=0.2)
+    assert np.corrcoef(full[mask], half[mask])[0, 1] > 0.99  # measured: 0.997
+    assert half[mask].mean() == pytest.approx(full[mask].mean(), rel=0.03)  # measured: 0.6 %
 
 
 def test_keyboard_and_screen_reader_reach_all(page):
