@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from .pictures import SIGNED, UNSIGNED, Floats
 
@@ -48,21 +47,15 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{mantissa}×10{raised}".replace("-", "−")
 
 
-@rc_context(RC)
-def pattern(half_vectors: Floats, largest: float) -> Figure:
-    """Half vectors (N, 2), theta and phi, as dots: radius theta up to `largest` [degrees], angle phi."""
-    figure = Figure(figsize=(2.3, 2.3), layout="constrained")
-    ax = figure.add_subplot(projection="polar")
+def polar(half_vectors: Floats, largest: float) -> list[tuple[float, float]]:
+    """Half vectors (N, 2), theta and phi, as positions on a disc of radius 100: there theta is `largest` [degrees]."""
     theta, phi = half_vectors.T
-    ax.scatter(phi, np.degrees(theta), s=7, color=COLOURS[0], linewidths=0, clip_on=False, zorder=3)
-    ax.set_ylim(0, largest)
-    rings = [r for r in MaxNLocator(3).tick_values(0, largest) if 0 < r <= largest]
-    ax.set_yticks(rings, [f"{r:g}°" for r in rings])
-    ax.set_xticks(np.radians([0, 90, 180, 270]), ["0°", "90°", "180°", "270°"])
-    ax.tick_params(labelsize=8, pad=1)
-    ax.grid(color=INK, alpha=0.2, linewidth=0.5)
-    ax.spines["polar"].set_linewidth(0.5)
-    return figure
+    radius = 100 * np.degrees(theta) / largest
+    # y goes down on a page.
+    return [
+        (round(float(x), 2), round(float(y), 2))
+        for x, y in zip(radius * np.cos(phi), -radius * np.sin(phi), strict=True)
+    ]
 
 
 @rc_context(RC)

@@ -36,7 +36,8 @@ def write_report(folder: Path) -> Path:
     """Writes report.html into a folder of results, whole or not at all, and returns its path."""
     results = Results(folder)
     rows = [parsed(row) for row in results.cells.to_dict("records")]
-    metrics = [name for name in _metrics(results.study) if name in results.cells.columns]
+    study = results.study
+    metrics = [name for name in _metrics(study) if name in results.cells.columns]
     groups = grouped(rows, metrics)
     places = places_of([group for group in groups if group.done])
     viewer = payload(results, groups, metrics[0] if metrics else None)
@@ -47,12 +48,12 @@ def write_report(folder: Path) -> Path:
         .render(
             scripts=scripts,
             policy=policy(scripts),
-            study=results.study,
-            study_yaml=yaml.safe_dump(results.study, sort_keys=False, allow_unicode=True),
+            study=study,
+            study_yaml=yaml.safe_dump(study, sort_keys=False, allow_unicode=True),
             claims=results.claims,
             provenance=results.provenance,
             metrics=metrics,
-            definitions=_metrics(results.study),
+            definitions=_metrics(study),
             groups=groups,
             missing=_missing(groups),
             viewer=viewer,
@@ -64,7 +65,7 @@ def write_report(folder: Path) -> Path:
             n_patterns=MANY_PATTERNS,
             csv=csv_link(results.cells),
             methods=_methods([row["method"] for row in rows]),
-            citations=cited_by(_used(rows, metrics), str(results.study.get("source", ""))),
+            citations=cited_by(_used(rows, metrics), str(study.get("source", ""))),
             seen={key: _seen(rows, key) for key in ("version", "torch", "device", "processor", "seed", "light_key")},
             white=WHITE,
             share=100 - CLIPPED_SHARE,
@@ -207,11 +208,11 @@ def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
         return {"count": len(found), "tiles": []}
     widest = max(float(np.degrees(h[:, 0].max())) for _, _, h in found.values() if len(h))
     largest = max(5.0, np.ceil(widest / 5) * 5)
-    tiles = []
-    for i, (group, cell, half_vectors) in enumerate(found.values()):
-        drawn = Markup(figures.svg(figures.pattern(half_vectors, largest), f"pattern{i}"))
-        tiles.append({"title": group.title, "cell": cell, "n": len(half_vectors), "svg": drawn})
-    return {"count": len(found), "tiles": tiles}
+    tiles = [
+        {"title": group.title, "cell": cell, "n": len(half_vectors), "dots": figures.polar(half_vectors, largest)}
+        for group, cell, half_vectors in found.values()
+    ]
+    return {"count": len(found), "tiles": tiles, "largest": largest}
 
 
 def _seen(rows: Sequence[Mapping[str, Any]], key: str) -> list[str]:

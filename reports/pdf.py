@@ -24,6 +24,8 @@ from .print_plots import error_by_method, error_over, quantities
 from .print_tables import claim_table, cost_table, equal_table, error_tables, reference_table
 from .typesetting import Press
 
+MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
+
 
 def write_report(folder: Path) -> Path:
     """Writes report.pdf into a folder of results, whole or not at all, and returns its path."""
@@ -48,6 +50,7 @@ def write_report(folder: Path) -> Path:
             "answer": answer,
             "errors": errors,
             "more_errors": more_errors,
+            "tables_last": len(rows) > MANY_CELLS,
             "costs": cost_table(groups),
             "plots": _plots(places, metrics[0], press) if metrics else [],
             "equal": _equal(places, metrics[0]) if metrics else [],
@@ -58,7 +61,7 @@ def write_report(folder: Path) -> Path:
             "without_image": _without_image(groups),
             "numbers": [claim_table(claim) for claim in results.claims if claim.get("numbers")],
             "bibliography": press.add("\n".join(c.bibtex for c in citations).encode(), "bib") if citations else None,
-            "study": yaml.safe_dump(study, sort_keys=False, allow_unicode=True, width=48, default_flow_style=None),
+            "study": yaml.safe_dump(study, sort_keys=False, allow_unicode=True, width=112, default_flow_style=None),
             "provenance": _provenance(results.provenance, study, groups),
         }
         pdf = press.pages("report.typ", data)
@@ -124,8 +127,9 @@ def _used(rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tup
 
 
 def _methods(rows: Sequence[Mapping[str, Any]], press: Press) -> list[dict[str, Any]]:
+    """Methods in words; an equation that cannot be set is printed as it was written."""
     return [
-        each._asdict() | {"equation": each.equation if press.is_equation(each.equation) else ""}
+        each._asdict() | {"is_set": press.is_equation(each.equation)}
         for each in described([row["method"] for row in rows])
     ]
 

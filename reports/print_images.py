@@ -70,8 +70,8 @@ class PrintedGroup:
     def _error(self, cell: Cell) -> Floats:
         image = self.results.image(cell.row["key"]).astype(np.float64)
         if self.metric is None:
-            return (image - self.reference).mean(axis=2)
-        return np.where(self.mask, self.metric.errors(image, self.reference, self.mask), 0.0)
+            return (image - self.reference).mean(axis=2).astype(np.float32)
+        return np.where(self.mask, self.metric.errors(image, self.reference, self.mask), 0.0).astype(np.float32)
 
     def _of(self, cell: Cell) -> tuple[Floats, Floats]:
         """Image and error of a cell."""
@@ -118,14 +118,15 @@ class PrintedGroup:
 
 
 def _packed(lines: Sequence[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]:
-    """Tiles in rows of at most `COLUMNS`; a line is not torn unless it is longer than a row."""
+    """Tiles in rows of at most `COLUMNS`; lines stay whole, unless one is longer than a row: then all follow on."""
+    if max(map(len, lines)) > COLUMNS:
+        tiles = [tile for line in lines for tile in line]
+        return [tiles[i : i + COLUMNS] for i in range(0, len(tiles), COLUMNS)]
     rows: list[list[dict[str, Any]]] = [[]]
     for line in lines:
-        if len(rows[-1]) + len(line) > COLUMNS and rows[-1]:
+        if len(rows[-1]) + len(line) > COLUMNS:
             rows.append([])
-        for i in range(0, len(line), COLUMNS):
-            rows += [[]] if i else []
-            rows[-1] += line[i : i + COLUMNS]
+        rows[-1] += line
     return rows
 
 

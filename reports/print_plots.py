@@ -1,7 +1,7 @@
 """Plots for print: the error of each method over samples and over each cost, side by side, with one key for all."""
 
 from collections.abc import Sequence
-from math import ceil
+from math import ceil, floor, log10
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,7 @@ def error_over(over: Sequence[str], lines: Sequence[Line], axis: Axis) -> Figure
     names = [_named(line, axis, SAMPLES in over) for line in lines]
     longest = max(map(len, names))
     in_key = 1 if len(over) == 1 or longest > 58 else 2 if longest > 32 else 3
-    height = (1.5 if rows > 1 else 1.9) * rows + 0.17 * ceil((len(lines) + 3) / in_key) + 0.1
+    height = (1.4 if rows > 1 else 1.9) * rows + 0.15 * ceil((len(lines) + 3) / in_key) + 0.1
     figure = Figure(figsize=(WIDTH if len(over) > 1 else 0.6 * WIDTH, height), layout="constrained")
     for i, quantity in enumerate(over):
         ax = figure.add_subplot(rows, columns, i + 1)
@@ -90,7 +90,9 @@ def _draw(ax: Axes, quantity: str, lines: Sequence[Line], axis: Axis) -> None:
         _draw_front(ax, quantity, lines, axis)
     _scale(ax, "y", axis, lines)
     values = sorted({float(x) for line in lines for x in _over(line, quantity) if x > 0})
-    ax.xaxis.set_major_locator(FixedLocator(_apart(values)) if quantity == SAMPLES else _locator(values))
+    ax.xaxis.set_major_locator(FixedLocator(_apart(values) if quantity == SAMPLES else _ticks(values)))
+    if values and values[-1] < 1.05 * values[0]:  # one cost for all
+        ax.set_xlim(values[0] / 2, values[-1] * 2)
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_formatter(FuncFormatter(_tick))
     ax.set_xlabel(COSTS.get(quantity, "light samples a pixel"))
@@ -161,14 +163,27 @@ def _tick(value: float, _: int | None = None) -> str:
     return text.removeprefix("1×")
 
 
+def _ticks(values: Sequence[float]) -> list[float]:
+    """Round numbers between the ends of values, at least three of them; else the ends."""
+    if not values:
+        return []
+    low, high = values[0], values[-1]
+    powers = range(floor(log10(low)), ceil(log10(high)) + 1)
+    for digits in ((1,), (1, 2, 5), range(1, 10)):
+        ticks = [value for p in powers for d in digits if low <= (value := float(f"{d}e{p}")) <= high]
+        if len(ticks) > 2:
+            return _apart(ticks, 0.22)
+    return _apart([low, high], 0.22)
+
+
 def _locator(values: Sequence[float]) -> LogLocator:
     wide = bool(values) and values[-1] > 80 * values[0]
     return LogLocator(subs=(1,) if wide else (1, 2, 5), numticks=6)
 
 
-def _apart(values: Sequence[float]) -> list[float]:
-    """Values, but none so near to the one before it on a log axis that their labels would touch."""
-    gap = (values[-1] / values[0]) ** 0.12 if values else 1.0
+def _apart(values: Sequence[float], share: float = 0.12) -> list[float]:
+    """Values, but none nearer to the one before it than a share of the log axis, as their labels would touch."""
+    gap = (values[-1] / values[0]) ** share if values else 1.0
     kept = list(values[:1])
     for value in values[1:]:
         if value >= kept[-1] * gap:

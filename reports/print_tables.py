@@ -43,21 +43,24 @@ def _errors(groups: Sequence[Group], metrics: Sequence[str]) -> dict[str, Any]:
 
 
 def cost_table(groups: Sequence[Group]) -> dict[str, Any]:
-    """Precomputation of all cells, and what of it each change asks for again."""
+    """Precomputation of all cells, and what of it each change asks for again, where it asks for anything."""
+    done = [cell.row for group in groups for cell in group.done]
+    asked = [change for change in CHANGES if any(row["update_seconds"].get(change, 0) > 0 for row in done)]
     columns = [_column("method"), _column("samples"), _column("shade", "ms"), _column("stages", "ms")]
-    columns += [_column(f"new {change}", "ms") for change in CHANGES] + [_column("state", "MB")]
+    columns += [_column(f"new\n{change}", "ms") for change in asked] + [_column("state", "MB")]
 
     def texts(cell: Cell, group: Group) -> Texts:
         row = cell.row
         seconds = [row["shade_seconds"], sum(row["stage_seconds"].values())]
-        seconds += [row["update_seconds"].get(change, 0) for change in CHANGES]
+        seconds += [row["update_seconds"].get(change, 0) for change in asked]
         state = _text(number(row["state_bytes"] / 1e6))
         return [_text(whole(row["n_samples"])), *(_text(number(1e3 * s)) for s in seconds), state]
 
     caption = (
-        "Costs of all cells. Stages: all precomputation. New light, material, geometry, view: the part of it that "
-        "must be redone when that changes."
+        "Costs of all cells. Stages: all precomputation; new: the part of it that must be redone when that changes."
     )
+    if unasked := [change for change in CHANGES if change not in asked]:
+        caption += f" Nothing must be redone for a new {' or '.join(unasked)}."
     return _table(caption, columns, groups, texts, only_done=True)
 
 

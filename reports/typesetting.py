@@ -71,7 +71,9 @@ class Press:
             '#math.equation(block: true, eval(sys.inputs.text, mode: "math"))'
         )
         made = self._compiler.compile(str(source), format="svg", sys_inputs={"text": text})
-        return made[0] if isinstance(made, list) else made
+        first = made[0] if isinstance(made, list) else made
+        assert first is not None  # as below
+        return first
 
     def pages(self, template: str, data: Mapping[str, Any], form: Format = "pdf") -> bytes:
         """What a template makes of data: a PDF, or an image of its first page."""

@@ -208,7 +208,8 @@ class Page:
         if selector:
             x, y, width, height = self.box(selector)
             page = self.do("[scrollX, scrollY]")
-            clip = {"clip": {"x": x + page[0], "y": y + page[1], "width": width, "height": height, "scale": 1}}
+            x, y, width, height = map(round, (x + page[0], y + page[1], width, height))  # as the browser draws it
+            clip = {"clip": {"x": x, "y": y, "width": width, "height": height, "scale": 1}}
         return self._image("Page.captureScreenshot", **clip)
 
     def whole(self):

@@ -3,12 +3,14 @@
 import base64
 import io
 
+import numpy as np
 import pandas as pd
 import pytest
 from test_lines import rows
 
 from glossbench.reports.answer import answer_of
 from glossbench.reports.cells import grouped
+from glossbench.reports.figures import polar
 from glossbench.reports.spreadsheet import csv_link
 
 
@@ -66,3 +68,9 @@ def test_a_spreadsheet_takes_no_name_for_a_formula():
     table = pd.read_csv(io.BytesIO(base64.b64decode(link.split(",", 1)[1])))
     assert table.method.tolist() == ["'=HYPERLINK()", "'@x", "plain"]
     assert table.mean_error.tolist() == [-0.1, 1 / 3, 2.0]
+
+
+def test_half_vectors_stand_on_a_disc_by_theta_and_phi():
+    half_vectors = np.radians([[0, 50], [10, 90], [20, 180], [5, -90]])
+
+    assert polar(half_vectors, 20) == [(0, 0), (0, -50), (-100, 0), (0, 25)]  # y goes down

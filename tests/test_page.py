@@ -270,6 +270,44 @@ def test_numbers_of_the_script_are_those_of_the_tables(page):
     assert said == [figures.number(value) for value in values]
 
 
+def test_over_three_lights_a_line_has_a_band_which_the_pointer_brings_out(browser, tmp_path):
+    with opened(browser, html.write_report(three_lights(tmp_path / "lights"))) as page:
+        page.do("""(() => { const s = document.getElementById('plot-place'); s.value = s.options.length - 1;
+            s.dispatchEvent(new Event('change', {bubbles: true})); })()""")
+        title = page.do("document.querySelector('#plot-place option:last-of-type').text")
+        bands = page.do(
+            """[...document.querySelectorAll('.plots [data-x="samples"] .band')].map((b) => b.dataset.line)"""
+        )
+        page.do("""document.querySelector('.plots [data-x="samples"] .point[data-line="1"]').focus()""")
+        out = page.do(
+            """[...document.querySelectorAll('.plots [data-x="samples"] .band.active')].map((b) => b.dataset.line)"""
+        )
+
+        assert title == "mean over 3 lights, kurt, sphere"
+        assert bands == ["0", "1"]  # split_sum has a single point
+        assert out == ["1"]
+        assert "95 % interval" in page.text(".tip")
+        assert page.complaints() == []
+
+
+def three_lights(folder):
+    """The results of two materials as if they were two lights, and a third with the images of the first."""
+    write_results(folder, budgets=(4, 64))
+    cells = pd.read_parquet(folder / "cells.parquet")
+    cells["light_options"] = [json.dumps({"seed": key[-1]}) for key in cells.reference_key]
+    cells["material_options"] = "{}"
+    third = cells[cells.reference_key == "ref0"].assign(reference_key="ref2", light_options='{"seed": 9}')
+    third = third.assign(key=third.key + "-third", rms=2 * third.rms)
+    for kind, old, new in [
+        ("references", "ref0", "ref2"),
+        *(("images", k.removesuffix("-third"), k) for k in third.key),
+    ]:
+        for path in (folder / kind).glob(f"{old}*"):
+            (path.parent / path.name.replace(old, new)).write_bytes(path.read_bytes())
+    pd.concat([cells, third]).to_parquet(folder / "cells.parquet")
+    return folder
+
+
 # What did not run.
 
 

@@ -89,6 +89,7 @@ def on_canvas(page, pane=0):
     )
     left, top, width, height, x0, y0, scale = shown
     y, x = np.mgrid[:N, :N]
+    x0, y0 = (np.floor(corner + 0.5) for corner in (x0, y0))  # images begin at whole pixels of the screen
     column, row = x0 + scale * (x + 0.5), y0 + scale * (y + 0.5)
     margin = 2  # the border of A and B is drawn over the pixels beside it
     seen = (column > left + margin) & (column < left + width - margin) & (row > top) & (row < top + height)
@@ -578,8 +579,8 @@ def test_a_reduced_flip_map_is_near_the_full_one():
     full, half = (payload._flip(image * mask[..., None], reference * mask[..., None], mask, n) for n in (1, 2))
 
     assert half.shape == full.shape
-    assert np.corrcoef(full[mask], half[mask])[0, 1] > 0.9
-    assert half[mask].mean() == pytest.approx(full[mask].mean(), rel=0.2)
+    assert np.corrcoef(full[mask], half[mask])[0, 1] > 0.99  # measured: 0.997
+    assert half[mask].mean() == pytest.approx(full[mask].mean(), rel=0.03)  # measured: 0.6 %
 
 
 def test_keyboard_and_screen_reader_reach_all(page):

@@ -110,7 +110,8 @@ function bandOf(line, indices, horizontal, vertical, x, area, colour) {
   const at = (i, y) => `${horizontal.at(line.x[x][i]).toFixed(1)} ${clip(vertical.at(y))}`;
   const upper = indices.map((i) => at(i, line.high[i]));
   const lower = indices.map((i) => at(i, line.low[i])).reverse();
-  return svgElement("path", { class: "band", d: `M${[...upper, ...lower].join("L")}Z`, fill: colour });
+  const d = `M${[...upper, ...lower].join("L")}Z`;
+  return svgElement("path", { class: "band", d, fill: colour, "data-line": line.index });
 }
 
 // The Pareto front of all lines: stairs through its points that are shown, and a ring about each.

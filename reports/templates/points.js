@@ -14,6 +14,9 @@ function followPoints(container, tipOf, open) {
       const same = point && other.dataset.line === point.dataset.line && other.dataset.i === point.dataset.i;
       other.classList.toggle("active", Boolean(same));
     }
+    for (const band of container.querySelectorAll(".band")) {
+      band.classList.toggle("active", Boolean(point) && band.dataset.line === point.dataset.line);
+    }
     tip.hidden = !point;
     if (!point) return;
     tip.replaceChildren(...tipOf(point).map(([text, kind]) => {

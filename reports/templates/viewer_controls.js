@@ -48,7 +48,7 @@ class Controls {
     const stops = group.stops + state.stops;
     fields.exposure.value = `${stops < 0 ? '−' : '+'}${Math.abs(stops).toFixed(1)} stops`;
     fields.range.placeholder = figure(group.ranges[state.mode] ?? 1);
-    if (document.activeElement !== fields.range || state.range === null) fields.range.value = state.range ?? '';
+    if (document.activeElement !== fields.range) fields.range.value = state.range ?? ''; // not while one types
     for (const [selector, isShown] of [
       ['.viewer-other', state.layout === 'split'], ['.viewer-range', state.mode !== 'image'],
     ]) for (const each of this.form.querySelectorAll(selector)) each.hidden = !isShown;

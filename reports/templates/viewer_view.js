@@ -15,6 +15,7 @@ function resize(viewer) {
   for (const each of [canvas, stage.querySelector('.viewer-ink')]) {
     const w = Math.round(width * ratio), h = Math.round(height * ratio);
     if (each.width !== w || each.height !== h) Object.assign(each, { width: w, height: h });
+    Object.assign(each.style, { width: `${w / ratio}px`, height: `${h / ratio}px` }); // a stage may end within a pixel
   }
 }
 
