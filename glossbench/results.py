@@ -5,7 +5,8 @@ cells.parquet       one row a cell, in the order of the study
 claims.json         the verdicts
 provenance.json     versions, hardware, times
 cells/KEY.json      the row of one cell; its presence means that the cell is done
-images/KEY.exr      its image; KEY_half_vectors.npy the pattern, where a method has one
+images/KEY.exr      its image; KEY_half_vectors.npy the pattern and KEY_state_NAME.exr pictures of its state, where a
+                    method has them
 references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels,
 references/KEY.json its numbers
 """
@@ -107,6 +108,8 @@ class Results:
         key = row["key"]
         if image is not None:
             _write_image(self.folder / "images" / f"{key}.exr", image.radiance)
+            for name, picture in image.pictures.items():
+                _write_image(self.folder / "images" / f"{key}_state_{name}.exr", picture.cpu())
         if half_vectors is not None:
             with (
                 replacing(self.folder / "images" / f"{key}_half_vectors.npy") as part,
@@ -197,6 +200,11 @@ class Results:
         """The pattern (N, 2), theta and phi, of a cell; None where the method has none."""
         path = self.folder / "images" / f"{key}_half_vectors.npy"
         return np.load(path) if path.is_file() else None
+
+    def pictures(self, key: str) -> dict[str, NDArray[np.float32]]:
+        """Pictures (H, W, 3) of the state of a cell's method, by name."""
+        paths = sorted((self.folder / "images").glob(f"{key}_state_*.exr"))
+        return {path.stem.removeprefix(f"{key}_state_"): np.asarray(read_pixels(path)) for path in paths}
 
     def _write_json(self, name: str, data: Any) -> None:
         with replacing(self.folder / name) as part:

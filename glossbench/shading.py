@@ -90,6 +90,8 @@ class Method(Options):
         return None
 
     shade: ClassVar[Callable[..., Tensor]]
+    # pictures(self, <stages by name>) -> {name: (H, W, 3)}: what of its state is worth looking at, for reports.
+    pictures: ClassVar[Callable[..., Mapping[str, Tensor]] | None] = None
 
 
 METHODS: Registry[Method] = Registry("method", "glossbench.methods", "glossbench.methods")
@@ -198,11 +200,13 @@ class Image:
         radiance: (H, W, 3), float32, zero outside the mask.
         mask: (H, W), true where the surface is seen.
         costs: seconds and bytes.
+        pictures: of the method's state, (H, W, 3) by name.
     """
 
     radiance: Tensor
     mask: Tensor
     costs: Costs = field(default_factory=Costs)
+    pictures: Mapping[str, Tensor] = field(default_factory=dict)
 
 
 def shade(
@@ -258,7 +262,10 @@ def shade(
         state_bytes=sum(p.n_bytes for p in prepared.values()),
         n_samples=method.n_samples(material),
     )
-    return Image(image_of(mask, _checked(method, points, values)), mask, costs)
+    pictures: Mapping[str, Tensor] = {}
+    if method.pictures is not None and time_it:
+        pictures = method.pictures(**{n: known[n] for n in inspect.signature(method.pictures).parameters})
+    return Image(image_of(mask, _checked(method, points, values)), mask, costs, pictures)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from glossbench.brdf.material import Material
 from glossbench.envmap.cubemap import CubeMap, bordered
+from glossbench.envmap.projections import from_cubemap
 from glossbench.envmap.pyramid import Pyramid, build_pyramid, lookup
 from glossbench.fixed_point import fixed_point
 from glossbench.homomorphic import Solver
@@ -155,6 +156,16 @@ class LightingFactorization(Method):
             color, scale = stored.color * factors.lit, torch.full((3,), float(stored.scale * unit))
         maps = tuple(_table(v.to(device)) for v in values)
         return Textures(maps, color.to(device), scale.to(device), factors.dominant, limited, logarithm)
+
+    def pictures(self, maps: Textures) -> dict[str, Tensor]:
+        """The factors, each an unfolded cube."""
+        crosses = {}
+        for name, table in zip(PARAMETERS[self.parameters], maps.maps, strict=True):
+            edge = int(table.sizes[0]) + 2
+            faces = table.texels.view(6, edge, edge, 3)[:, 1:-1, 1:-1]
+            faces = torch.exp(faces) if maps.logarithm else faces
+            crosses[name] = from_cubemap(CubeMap(faces.contiguous(), name), "horizontal_cross")
+        return crosses
 
     def shade(self, points: ShadingPoints, material: Material, maps: Textures) -> Tensor:
         """Radiance (P, 3): the product of the lookups."""

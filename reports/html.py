@@ -13,7 +13,7 @@ from glossbench.citations import cited_by
 from glossbench.metrics import METRICS
 from glossbench.results import Results, replacing
 
-from . import figures
+from . import figures, pictures
 from .answer import answer_of, drawn
 from .cells import Cell, Group, grouped, listed, parsed
 from .descriptions import described
@@ -29,6 +29,7 @@ from .spreadsheet import csv_link
 from .typesetting import Press
 
 MANY_PATTERNS = 12
+MANY_STATES = 24
 PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
 
 
@@ -63,6 +64,7 @@ def write_report(folder: Path) -> Path:
             sheets=_sheets(results, groups),
             patterns=_patterns(results, groups),
             n_patterns=MANY_PATTERNS,
+            states=_states(results, groups),
             csv=csv_link(results.cells),
             methods=_methods([row["method"] for row in rows]),
             citations=cited_by(_used(rows, metrics), str(study.get("source", ""))),
@@ -213,6 +215,22 @@ def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
         for group, cell, half_vectors in found.values()
     ]
     return {"count": len(found), "tiles": tiles, "largest": largest}
+
+
+def _states(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
+    """Pictures of what methods keep, each at an exposure of its own; of the first cells where there are many."""
+    tiles: list[dict[str, Any]] = []
+    for group in groups:
+        for cell in group.done:
+            found = results.pictures(cell.row["key"]) if len(tiles) < MANY_STATES else {}
+            for name, image in found.items():
+                shown = np.ones(image.shape[:2], bool)
+                lit = image.max(axis=2) > 0  # an unfolded cube has empty places
+                exposure = pictures.exposure_of(image, lit) if lit.any() else 1.0
+                png = pictures.picture(image, shown, exposure)
+                tile = {"name": name, "title": group.title, "cell": cell, "shape": image.shape, "exposure": exposure}
+                tiles.append({**tile, "picture": pictures.uri(png)})
+    return tiles
 
 
 def _seen(rows: Sequence[Mapping[str, Any]], key: str) -> list[str]:

@@ -265,3 +265,16 @@ def test_a_light_half_a_turn_away_gives_another_image():
     left, right = images[1].radiance, images[0].radiance.flip(1)
     torch.testing.assert_close(left, right, rtol=0.02, atol=0.02)
     assert not torch.allclose(images[0].radiance, left, rtol=0.1, atol=0.1)
+
+
+def test_pictures_are_the_unfolded_factors_whose_product_is_shown():
+    light, material = gb.light("gradient", resolution=8), gb.material("phong", s=10)
+
+    image = gb.shade(gb.method("lighting_factorization", **SMALL), light, material, gb.view("sphere", resolution=1))
+
+    assert list(image.pictures) == ["normal", "reflection"]
+    assert {tuple(p.shape) for p in image.pictures.values()} == {(24, 32, 3)}
+    # The one pixel has n = r = +z, the middle of the last square of the middle row, between four texels.
+    middles = [p[11:13, 27:29].mean((0, 1)) for p in image.pictures.values()]
+    # Measured: equal.
+    torch.testing.assert_close(image.radiance[0, 0], middles[0] * middles[1], rtol=1e-6, atol=0)
