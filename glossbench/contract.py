@@ -51,9 +51,14 @@ def check_contract(name: str) -> list[Outcome]:
     return outcomes
 
 
+def as_checked(name: str) -> Method:
+    """A registered method with the options under which the contract's checks run."""
+    return METHODS.create(name, METHODS.get(name).contract.quick)
+
+
 def _methods_of(name: str) -> list[Method]:
     if name in METHODS.names():
-        return [METHODS.create(name, {})]
+        return [as_checked(name)]
     try:
         importlib.import_module(name)
     except Exception as error:  # a plug-in is anyone's code
@@ -61,7 +66,7 @@ def _methods_of(name: str) -> list[Method]:
             raise InputError(f"unknown method {name!r}, nor a module{nearest(name, METHODS.names())}") from None
         raise InputError(f"module {name!r}: {one_line(error)}") from error
     classes = [METHODS.get(n) for n in METHODS.names()]
-    own = [cls.create({}) for cls in classes if cls.__module__ == name]
+    own = [as_checked(cls.name) for cls in classes if cls.__module__ == name]
     if not own:
         raise InputError(f"module {name!r} registers no method")
     return own

@@ -53,6 +53,7 @@ class Contract:
         budget: the option that buys accuracy, and values to try; a method without that option has none.
         slope: largest fitted slope of log RMS over log samples; None where no convergence is claimed.
         options: under which furnace and slope hold, where the defaults cut off what no budget brings back.
+        quick: options of all checks where the defaults take minutes.
     """
 
     furnace: float = 0.02
@@ -61,6 +62,7 @@ class Contract:
     budget: tuple[str, tuple[int, ...]] | None = ("samples", (16, 64, 256, 1024))
     slope: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+    quick: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Method(Options):

@@ -246,8 +246,8 @@ def test_an_interrupt_ends_with_130_and_one_line(call, monkeypatch):
 
 
 def test_an_interrupted_process_ends_with_130(here):
-    code = "import os, signal, glossbench.runner as r\n" \
-        "r.compute_reference = lambda *a: os.kill(os.getpid(), signal.SIGINT)\n" \
+    code = "import os, signal, time, glossbench.runner as r\n" \
+        "r.compute_reference = lambda *a: (os.kill(os.getpid(), signal.SIGINT), time.sleep(60))\n" \
         "from glossbench.cli import main; main()"  # fmt: skip
 
     done = subprocess.run([sys.executable, "-c", code, "run", "tiny.yaml"], capture_output=True, text=True)
@@ -800,7 +800,7 @@ def test_completion_can_be_shown_for_installation(call):
 
 @pytest.mark.parametrize("kind", registries())
 def test_names_read_from_sources_are_those_that_are_registered(kind):
-    named_by_the_catalogue = {e.name for e in entries("environment")}
+    named_by_the_catalogue = {e.name for kind in ("environment", "brdf") for e in entries(kind)}
 
     assert set(completion.registered(kind)) == set(registries()[kind].names()) - named_by_the_catalogue
 

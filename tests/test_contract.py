@@ -13,6 +13,7 @@ from glossbench.brdf.material import Material
 from glossbench.contract import (
     CHECKS,
     Outcome,
+    as_checked,
     check_chunks,
     check_contract,
     check_converges,
@@ -52,14 +53,14 @@ def truth():
 @pytest.mark.parametrize("check", [c for c in CHECKS if c is not check_converges], ids=lambda c: c.__name__)
 @pytest.mark.parametrize("name", OWN)
 def test_every_method_keeps(name, check):
-    outcome = check(METHODS.create(name, {}))
+    outcome = check(as_checked(name))
 
     assert outcome.kept is not False, outcome
 
 
 @pytest.mark.parametrize("name", OWN)
 def test_every_method_converges_as_it_claims(name, truth):
-    outcome = check_converges(METHODS.create(name, {}), truth)
+    outcome = check_converges(as_checked(name), truth)
 
     assert outcome.kept is not False, outcome
 

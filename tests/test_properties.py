@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from glossbench.brdf.material import MATERIALS, Material
+from glossbench.catalog import entries
 from glossbench.contract_cases import turn_light
 from glossbench.directions import Vec3, dot, half_vector, normalize, points_2d, spherical, stack, vec3
 from glossbench.envmap.cubemap import CubeMap, face_coordinates, face_directions, texel_directions, texel_solid_angles
@@ -332,9 +333,9 @@ def materials(draw: Any, name: str, smooth: bool) -> Material:
 
 
 def drawable() -> list[str]:
-    """Materials that need no file."""
+    """Materials that need no file: densities of measured ones are too narrow for this grid, and have their own test."""
     names = []
-    for name in MATERIALS.names():
+    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in entries("brdf")}):
         required = json_schema(MATERIALS.get(name)).get("required", [])
         if name == "sum" or not required:
             try:
