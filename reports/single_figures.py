@@ -19,6 +19,7 @@ from .images import MOST_PICTURES, chosen
 from .lines import axis_of, lines_at, places_of
 from .print_images import PrintedGroup, middle_budgets
 from .print_plots import SAMPLES, error_by_method, error_over, quantities
+from .profile import brightest_row, cross_section
 from .typesetting import Format, Press
 
 
@@ -57,6 +58,20 @@ def images(folder: Path, path: Path, *, group: int | None = None, metric: str | 
     with Press() as press:
         printed = PrintedGroup(run.results, of, press, metric)
         _write(press, path, {"kind": "images", **printed.whole(chosen([of], MOST_PICTURES)[0])})
+
+
+def profile(folder: Path, path: Path, *, group: int | None = None) -> None:
+    """Radiance along the row of the reference's brightest pixel, of the reference and of each method."""
+    run = _read(folder, None)
+    of = _numbered(run, group)
+    key = of.reference["reference_key"]
+    reference, mask = run.results.reference(key), run.results.mask(key)
+    cells = [(cell.name, run.results.image(cell.row["key"])) for cell in middle_budgets(of)]
+    row = brightest_row(reference, mask)
+    with Press() as press:
+        figure = cross_section([("reference", reference), *cells], mask, row)
+        alt = f"radiance along row {row} of each method: {of.title}"
+        _write(press, path, {"kind": "plot", "alt": alt, **press.figure(figure)})
 
 
 def convergence(folder: Path, path: Path, *, group: int | None = None, metric: str | None = None) -> None:

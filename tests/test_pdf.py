@@ -14,7 +14,7 @@ from PIL import Image
 from test_reports import CLAIMS, METHODS, SCRIPT, N, read_exr, write_results
 
 from glossbench.errors import InputError
-from glossbench.reports import crops, figures, pdf, pictures, single_figures, typesetting
+from glossbench.reports import crops, figures, pdf, pictures, profile, single_figures, typesetting
 from glossbench.reports.crops import Crop, crops_of
 from glossbench.reports.descriptions import described
 from glossbench.reports.notation import runs
@@ -287,7 +287,7 @@ def test_a_crop_is_found_to_the_pixel(size):
 
 FIGURES = {
     "answer": {}, "crops": {"group": 2, "crop": [(4, 8, 20, 30), (30, 30, 16, 16)]}, "images": {"group": 1},
-    "convergence": {"group": 1}, "costs": {"group": 2, "metric": "max_error"},
+    "convergence": {"group": 1}, "costs": {"group": 2, "metric": "max_error"}, "profile": {"group": 1},
 }  # fmt: skip
 
 
@@ -298,11 +298,23 @@ def test_a_figure_is_one_page_of_its_size(name, folder, tmp_path):
     getattr(single_figures, name)(folder, path, **FIGURES[name])
 
     (page,) = pages_of(path.read_bytes())
-    assert {"answer": "RMS", "crops": "reference", "images": "noise 0.0020", "convergence": "slope",
-            "costs": "max_error [radiance]"}[name] in page["text"]  # fmt: skip
+    text = "".join(page["text"].split())  # small type comes in pieces
+    assert {"answer": "RMS", "crops": "reference", "images": "noise0.0020", "convergence": "slope",
+            "costs": "max_error[radiance]", "profile": "inrow"}[name] in text  # fmt: skip
     for method in METHODS:
         assert method in page["text"].replace("\u200b", "").replace("\r\n", "")
     assert bool(page["images"]) is (name in ("answer", "crops", "images"))
+
+
+def test_a_profile_runs_through_the_brightest_pixel_of_the_surface():
+    reference, mask = np.zeros((4, 5, 3)), np.ones((4, 5), bool)
+    reference[2, 3], reference[1, 1], mask[1, 1] = 2.0, 9.0, False
+
+    row = profile.brightest_row(reference, mask)
+    lines = profile.cross_section([("reference", reference), ("method", 3 * reference)], mask, row).axes[0].lines
+
+    assert row == 2
+    assert [line.get_ydata().tolist() for line in lines] == [[0, 0, 0, 2, 0], [0, 0, 0, 6, 0]]
 
 
 def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
