@@ -146,7 +146,7 @@ class _Executor:
         self.use_cache, self.fail_fast = use_cache, fail_fast
         self._code = numerics_hash()
         self._fresh: set[str] = set()  # keys of references made by this run
-        self._stages = StageCache()
+        self._stages = StageCache(self.progress.doing)
         self._stages_light: Item | None = None
         self._truth: tuple[str, Reference] | None = None
 
@@ -171,7 +171,7 @@ class _Executor:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plug-in may leave by SystemExit, too
-            self._stages, self._truth = StageCache(), None
+            self._stages, self._truth = StageCache(self.progress.doing), None
             self.lights.forget()
             if self.fail_fast and isinstance(error, Exception):
                 raise
@@ -225,7 +225,7 @@ class _Executor:
             return {"status": "skipped", "reason": str(reason)}, None, None
         light = self.lights.get(cell.light)
         if self._stages_light != cell.light:  # stages of another light are of no use any more
-            self._stages, self._stages_light = StageCache(), cell.light
+            self._stages, self._stages_light = StageCache(self.progress.doing), cell.light
         truth = self._reference(cell, row["reference_key"], light)
         self.progress.doing(cell.method.name)
         with limit():

@@ -151,8 +151,9 @@ class StageCache:
     every method, material and budget.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
         self._entries: dict[tuple[Any, ...], list[tuple[dict[str, Any], Prepared]]] = {}
+        self._tell = tell  # which stage is under way
 
     def get(
         self, stage: Stage, method: Method, inputs: dict[str, Any], keys: tuple[Any, ...], device: str, patience: float
@@ -167,6 +168,7 @@ class StageCache:
                 entries.remove(entry)  # made while tuning, its time that of a cold run
                 break
         recorder = Recorder(method)
+        self._tell(f"{method.name}: {stage.function.__name__}")
         with _unwritten(f"{method.name}.{stage.function.__name__}", inputs):
             value, seconds = timed(lambda: stage.function(recorder, **inputs), device, patience)
         prepared = Prepared(value, seconds, n_bytes(value), patience > 0)

@@ -176,6 +176,14 @@ def test_every_kind_of_cell_is_in_the_unbroken_run(unbroken, tmp_path):
     assert list(cells["status"]) == ["done", "failed", "skipped", "done", "done"]
 
 
+def test_progress_names_the_stage_that_is_under_way(study_of, tmp_path):
+    told = []
+
+    run_study(study_of(methods="[{flat: {samples: [1, 2]}}]"), tmp_path / "told", progress=Progress(doing=told.append))
+
+    assert [text for text in told if text.startswith("flat")] == ["flat", "flat: mean_light", "flat"]
+
+
 def test_a_run_interrupted_after_any_cell_ends_with_the_same_bytes(unbroken, tmp_path):
     study, expected = unbroken
 
