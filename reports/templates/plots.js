@@ -64,6 +64,12 @@ function plots() {
     }
     const free = figures.filter(({ figure }) => figure.hidden).map(({ label }) => label.replace(/ \[.*/, ""));
     nothing.textContent = free.length ? `No cost at all, for any line: ${free.join(", ")}.` : "";
+  };
+
+  // The key is made anew only by a choice: a click on it must survive a drawing to another width.
+  const choose = () => {
+    draw();
+    const data = chosen();
     key.replaceChildren(...data.lines.map(keyOf), ...floorKey(data));
     for (const table of document.querySelectorAll(".equal")) {
       table.hidden = table.dataset.place !== place.value || table.dataset.metric !== metric.value;
@@ -89,7 +95,7 @@ function plots() {
     }
     button.addEventListener("click", () => {
       hidden.has(line.index) ? hidden.delete(line.index) : hidden.add(line.index);
-      draw();
+      choose();
       key.children[chosen().lines.indexOf(line)]?.firstChild.focus();
     });
     item.append(button);
@@ -107,9 +113,10 @@ function plots() {
   controls.hidden = false;
   document.getElementById("plot-note").hidden = false;
   followPoints(container, tipOf, openCell);
-  controls.addEventListener("change", draw);
+  controls.addEventListener("change", choose);
   controls.addEventListener("submit", (event) => event.preventDefault());
-  let width = 0;
+  choose();
+  let width = container.clientWidth;
   new ResizeObserver(() => {
     if (container.clientWidth === width) return;
     width = container.clientWidth;
