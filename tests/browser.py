@@ -203,7 +203,7 @@ class Page:
                 last = now.join();
                 const isHit = element.contains(document.elementFromPoint(x + width / 2, y + height / 2));
                 if (frames > 2 && (isHit || !UNCOVERED)) done(now);
-                else if (performance.now() > until) fail(new Error(`${SELECTOR} does not come to rest: ${last}, hit ${isHit}`));
+                else if (performance.now() > until) fail(new Error(`${SELECTOR} moves, or is hidden: ${last}`));
                 else requestAnimationFrame(look);
             };
             look();
