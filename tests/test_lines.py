@@ -9,7 +9,8 @@ import pytest
 
 from glossbench.reports.cells import grouped, parsed
 from glossbench.reports.equal import error_at_time, time_at_error
-from glossbench.reports.lines import Axis, Line, front, lines_at, places_of
+from glossbench.reports.lines import Axis, Line, front, lines_at
+from glossbench.reports.sweeps import Label, places_of, sweeps_of
 
 RMS = {"few": [0.4, 0.1, 0.05], "many": [0.8, 0.3, 0.02]}
 SAMPLES = [4, 16, 64]
@@ -18,7 +19,7 @@ SAMPLES = [4, 16, 64]
 def line(name, index, ms, errors, at_floor=None):
     n = len(ms)
     return Line(
-        name, index, np.arange(1.0, n + 1), {"shade": np.array(ms, float)}, np.array(errors, float),
+        Label(name, index, index), np.arange(1.0, n + 1), {"shade": np.array(ms, float)}, np.array(errors, float),
         np.array(at_floor or [False] * n),
     )  # fmt: skip
 
@@ -40,20 +41,25 @@ def rows(factors):
     return found
 
 
+def places(given, over="samples"):
+    groups = grouped(given, ["rms"])
+    return places_of(groups, sweeps_of(groups)[over])
+
+
 def mean_of(factors):
-    return places_of(grouped(rows(factors), ["rms"]))[-1]
+    return places(rows(factors))[-1]
 
 
 def test_each_light_has_a_place_and_all_of_them_one_more():
-    places = places_of(grouped(rows([1, 2, 4]), ["rms"]))
+    found = places(rows([1, 2, 4]))
 
-    assert [len(place.groups) for place in places] == [1, 1, 1, 3]
-    assert places[-1].title == "mean over 3 lights, kurt, sphere"
-    assert len(places_of(grouped(rows([1]), ["rms"]))) == 1
+    assert [len(place.groups) for place in found] == [1, 1, 1, 3]
+    assert found[-1].title == "mean over 3 lights, kurt, sphere"
+    assert len(places(rows([1]))) == 1
 
 
 def test_a_line_knows_its_cells_and_all_its_costs():
-    first = lines_at(places_of(grouped(rows([1]), ["rms"]))[0], "rms")[0]
+    first = lines_at(places(rows([1]))[0], "rms")[0]
 
     assert first.name == "few"
     assert first.keys == ["few-4-0", "few-16-0", "few-64-0"]

@@ -151,7 +151,7 @@ def check_positions(page, report):
     cells = pd.read_parquet(report.parent / "cells.parquet")
     first = cells[(cells.reference_key == "ref0") & (cells.status == "done")]
     methods = list(dict.fromkeys(first.method))
-    for x, costs in (("samples", first.n_samples), ("shade", 1e3 * first.shade_seconds)):
+    for x, costs in (("over", first.n_samples), ("shade", 1e3 * first.shade_seconds)):
         found = sorted(points(page, x))
         expected = [
             (np.log10(cost), np.log10(rms))
@@ -175,7 +175,7 @@ def test_the_pointer_on_a_point_shows_its_cell_and_marks_it_in_every_plot(page):
 
     tip = page.text(".tip")
     assert tip.startswith("regular_sampling")
-    assert "16 light samples a pixel" in tip
+    assert "light samples a pixel: 16" in tip
     assert "shading time [ms]: 1.60" in tip
     marked = page.do("[...document.querySelectorAll('.point.active')].map((point) => point.dataset.key)")
     assert set(marked) == {"regular_sampling-16-0"}
@@ -187,7 +187,7 @@ def test_the_pointer_on_a_point_shows_its_cell_and_marks_it_in_every_plot(page):
 def test_a_click_on_a_point_and_on_a_name_asks_for_the_image(page):
     page.do("window.asked = []; document.addEventListener('open-cell', (event) => asked.push(event.detail.key)); 1")
 
-    page.click_on('.plots [data-x="samples"] .point[data-key="split_sum-4-0"]')
+    page.click_on('.plots [data-x="over"] .point[data-key="split_sum-4-0"]')
     page.click_on('#cells a.opens[data-key="regular_sampling-64-1"]')
 
     assert page.do("asked") == ["split_sum-4-0", "regular_sampling-64-1"]
@@ -195,7 +195,7 @@ def test_a_click_on_a_point_and_on_a_name_asks_for_the_image(page):
 
 def test_keys_walk_along_lines_and_between_them(page):
     page.do("window.asked = []; document.addEventListener('open-cell', (event) => asked.push(event.detail.key)); 1")
-    page.do("""document.querySelector('.plots [data-x="samples"] .point').focus()""")
+    page.do("""document.querySelector('.plots [data-x="over"] .point').focus()""")
     walked = []
     for key in ("ArrowRight", "ArrowRight", "ArrowDown", "ArrowLeft", "End", "ArrowUp"):
         page.key(key)
@@ -207,22 +207,22 @@ def test_keys_walk_along_lines_and_between_them(page):
         "regular_sampling-16-0", "regular_sampling-64-0", "filtered_importance_sampling-64-0",
         "filtered_importance_sampling-16-0", "filtered_importance_sampling-256-0", "regular_sampling-256-0",
     ]  # fmt: skip
-    assert said.startswith("regular_sampling, 256 samples, rms 0.0")
+    assert said.startswith("regular_sampling, samples 256, rms 0.0")
     assert page.do("asked") == ["regular_sampling-256-0"]
-    assert page.do("""document.querySelectorAll('.plots [data-x="samples"] .point[tabindex="0"]').length""") == 1
+    assert page.do("""document.querySelectorAll('.plots [data-x="over"] .point[tabindex="0"]').length""") == 1
 
 
 def test_a_line_goes_and_comes_by_its_key(page):
-    n = len(points(page, "samples"))
+    n = len(points(page, "over"))
 
     page.click_on(".key button")
-    without = points(page, "samples")
+    without = points(page, "over")
     pressed = page.do("document.querySelector('.key button').getAttribute('aria-pressed')")
     page.click_on(".key button")
 
     assert pressed == "false"
     assert {line for line, *_ in without} == {1, 2}
-    assert len(points(page, "samples")) == n
+    assert len(points(page, "over")) == n
 
 
 def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
@@ -243,7 +243,7 @@ def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
 
 
 def test_the_pareto_front_is_ringed(page, report):
-    fronts = data_of(report.read_text(encoding="utf-8"))["places"][0]["of"]["rms"]["fronts"]
+    fronts = data_of(report.read_text(encoding="utf-8"))["sweeps"][0]["places"][0]["of"]["rms"]["fronts"]
 
     rings = page.do("""document.querySelectorAll('.plots [data-x="shade"] circle.front').length""")
 
@@ -254,7 +254,7 @@ def test_what_the_reference_cannot_resolve_is_hollow(page, report):
     cells = pd.read_parquet(report.parent / "cells.parquet")
     expected = cells[cells.at_noise_floor & (cells.reference_key == "ref0")].key.tolist()
 
-    hollow = page.do("""[...document.querySelectorAll('.plots [data-x="samples"] .point')]
+    hollow = page.do("""[...document.querySelectorAll('.plots [data-x="over"] .point')]
         .filter((point) => point.firstChild.getAttribute('fill') === 'var(--paper)')
         .map((point) => point.dataset.key)""")
 
@@ -276,11 +276,11 @@ def test_over_three_lights_a_line_has_a_band_which_the_pointer_brings_out(browse
             s.dispatchEvent(new Event('change', {bubbles: true})); })()""")
         title = page.do("document.querySelector('#plot-place option:last-of-type').text")
         bands = page.do(
-            """[...document.querySelectorAll('.plots [data-x="samples"] .band')].map((b) => b.dataset.line)"""
+            """[...document.querySelectorAll('.plots [data-x="over"] .band')].map((b) => b.dataset.line)"""
         )
-        page.do("""document.querySelector('.plots [data-x="samples"] .point[data-line="1"]').focus()""")
+        page.do("""document.querySelector('.plots [data-x="over"] .point[data-line="1"]').focus()""")
         out = page.do(
-            """[...document.querySelectorAll('.plots [data-x="samples"] .band.active')].map((b) => b.dataset.line)"""
+            """[...document.querySelectorAll('.plots [data-x="over"] .band.active')].map((b) => b.dataset.line)"""
         )
 
         assert title == "mean over 3 lights, kurt, sphere"
