@@ -24,7 +24,8 @@ from glossbench.ground_truth import Reference, compute_reference
 from glossbench.options import option_names
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading import INPUTS, Method, Recorder, dependencies, stages_of
+from glossbench.shading import INPUTS, Method, dependencies, stages_of
+from glossbench.stage_cache import Recorder
 
 FURNACE_MATERIALS: tuple[Material, ...] = (
     Kurt(m=(0.1, 0.1)),

@@ -14,7 +14,8 @@ from glossbench.ground_truth import Reference
 from glossbench.items import Tune
 from glossbench.metrics import METRICS
 from glossbench.scene.points import View
-from glossbench.shading import Image, Method, StageCache, shade
+from glossbench.shading import Image, Method, shade
+from glossbench.stage_cache import StageCache
 from glossbench.tuning import tune_option
 
 

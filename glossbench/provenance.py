@@ -14,8 +14,10 @@ import torch
 
 # What decides the numbers: a change of any of these files makes every cell new.
 NUMERICS = (
-    "brdf", "envmap", "scene", "directions.py", "fusion.py", "ground_truth.py", "lobe_lighting.py", "metrics",
-    "options.py", "shading.py", "stages.py", "tuning.py", "visibility.py",
+    "brdf", "envmap", "scene", "metrics", "brdf_factors.py", "directions.py", "fixed_point.py", "fusion.py",
+    "ground_truth.py", "homomorphic.py", "light_factors.py", "lighting_function.py", "lighting_monte_carlo.py",
+    "lobe_lighting.py", "measuring.py", "options.py", "shading.py", "stage_cache.py", "stages.py", "tuning.py",
+    "visibility.py", "visibility_harmonics.py",
 )  # fmt: skip
 
 

@@ -30,7 +30,8 @@ from glossbench.provenance import glossbench_version, numerics_hash, processor, 
 from glossbench.registry import Registry
 from glossbench.results import Results, key_of
 from glossbench.scene.points import VIEWS
-from glossbench.shading import METHODS, Image, StageCache
+from glossbench.shading import METHODS, Image
+from glossbench.stage_cache import StageCache
 from glossbench.study import Study
 from glossbench.time_limit import time_limit
 from glossbench.verdicts import judge

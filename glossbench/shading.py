@@ -5,10 +5,8 @@ A stage is a function of a method whose parameter names say what it needs: `ligh
 methods and budgets, and what must be redone when the light, the material, the geometry or the view changes.
 """
 
-import dataclasses
 import inspect
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -16,12 +14,13 @@ import torch
 from torch import Tensor
 
 from glossbench.brdf.material import Material
-from glossbench.costs import Costs, n_bytes, tensors_in, timed
+from glossbench.costs import Costs, timed
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.errors import InputError, MethodError
 from glossbench.options import Options
 from glossbench.registry import Registry
 from glossbench.scene.points import ShadingPoints, View, image_of
+from glossbench.stage_cache import Prepared, StageCache, unwritten
 
 INPUTS = ("light", "material", "scene", "view")
 # What an artist or a game changes -> the input that is then new. A view change leaves the geometry as it is.
@@ -135,68 +134,6 @@ def dependencies(stages: Mapping[str, Stage]) -> dict[str, frozenset[str]]:
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """The value of one stage with what it cost."""
-
-    value: Any
-    seconds: float
-    n_bytes: int
-    warm: bool
-
-
-class StageCache:
-    """Values of stages that were computed, for whoever asks for the same again.
-
-    Same means: the same stage, with equal values of the options that it read, of equal inputs. So one pyramid serves
-    every method, material and budget.
-    """
-
-    def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
-        self._entries: dict[tuple[Any, ...], list[tuple[dict[str, Any], Prepared]]] = {}
-        self._tell = tell  # which stage is under way
-
-    def get(
-        self, stage: Stage, method: Method, inputs: dict[str, Any], keys: tuple[Any, ...], device: str, patience: float
-    ) -> Prepared:
-        """The stage's value, computed (and timed, see `timed`) where no equal one is known."""
-        entries = self._entries.setdefault((stage.function, keys), [])
-        for entry in entries:
-            read, prepared = entry
-            if all(getattr(method, option, None) == value for option, value in read.items()):
-                if prepared.warm or patience == 0:
-                    return prepared
-                entries.remove(entry)  # made while tuning, its time that of a cold run
-                break
-        recorder = Recorder(method)
-        self._tell(f"{method.name}: {stage.function.__name__}")
-        with _unwritten(f"{method.name}.{stage.function.__name__}", inputs):
-            value, seconds = timed(lambda: stage.function(recorder, **inputs), device, patience)
-        prepared = Prepared(value, seconds, n_bytes(value), patience > 0)
-        entries.append((recorder.read, prepared))
-        return prepared
-
-
-class Recorder:
-    """Stands for a method while a stage runs, and notes the options that it reads."""
-
-    def __init__(self, method: Method) -> None:
-        self._method = method
-        self.read: dict[str, Any] = {}
-
-    def __getattr__(self, name: str) -> Any:
-        if not hasattr(self._method, name):
-            self.read[name] = None  # the stage may go by that: a method that has the option must not get its value
-            raise AttributeError(f"{type(self._method).__name__} has no option {name!r}")
-        value = getattr(self._method, name)
-        if callable(value):  # a helper may read any option, and another class may have another helper
-            self.read["__class__"] = type(self._method)
-            self.read |= {f.name: getattr(self._method, f.name) for f in dataclasses.fields(self._method)}
-        else:
-            self.read[name] = value
-        return value
-
-
-@dataclass(frozen=True)
 class Image:
     """What a method shows.
 
@@ -246,13 +183,13 @@ def shade(
     for name, current in stages.items():
         values = {n: inputs[n] if n in INPUTS else prepared[n].value for n in current.needs}
         names = tuple(keys[n] for n in current.needs)
-        prepared[name] = cache.get(current, method, values, names, device, patience)
+        prepared[name] = cache.get(current.function, method, values, names, device, patience)
         keys[name] = (current.function, names, id(prepared[name]))
 
     points = view.points().to(device)
     known = inputs | {"points": points} | {name: p.value for name, p in prepared.items()}
     state = {n: known[n] for n in inspect.signature(method.shade).parameters}
-    with _unwritten(f"{method.name}.shade", state):
+    with unwritten(f"{method.name}.shade", state):
         values, seconds = timed(lambda: method.shade(**state), device, patience)
     mask = view.mask()
     depends = dependencies(stages)
@@ -270,17 +207,6 @@ def shade(
     if method.pictures is not None and time_it:
         pictures = method.pictures(**{n: known[n] for n in inspect.signature(method.pictures).parameters})
     return Image(image_of(mask, _checked(method, points, values)), mask, costs, pictures)
-
-
-@contextmanager
-def _unwritten(by: str, inputs: Mapping[str, Any]) -> Iterator[None]:
-    """MethodError if a tensor inside the inputs is written to meanwhile: what shares it would be wrong."""
-    tensors = [(name, t) for name, value in inputs.items() for t in tensors_in(value) if not t.is_inference()]
-    versions = [t._version for _, t in tensors]
-    yield
-    for (name, tensor), version in zip(tensors, versions, strict=True):
-        if tensor._version != version:
-            raise MethodError(f"{by} writes into {name!r}, which others read")
 
 
 def _checked(method: Method, points: ShadingPoints, values: Any) -> Tensor:

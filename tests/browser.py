@@ -185,17 +185,33 @@ class Page:
         self.mouse("mouseReleased", *end, **more)
 
     def click_on(self, selector):
-        """A click on the middle of the element, which is first brought into the window."""
-        x, y, width, height = self.box(selector)
+        """A click on the middle of the element, once it lies still in the window with nothing before it."""
+        x, y, width, height = self.box(selector, uncovered=True)
         self.click(x + width / 2, y + height / 2)
 
-    def box(self, selector):
-        """x, y, width, height of an element in the window, after it was brought there."""
-        return self.do(
-            f"(() => {{ const e = document.querySelector({json.dumps(selector)}); "
-            "e.scrollIntoView({block: 'nearest'}); const b = e.getBoundingClientRect(); "
-            "return [b.x, b.y, b.width, b.height]; })()"
-        )
+    def box(self, selector, uncovered=False):
+        """x, y, width, height of an element in the window, after it was brought there and the page has come to rest."""
+        look = """new Promise((done, fail) => {
+            const until = performance.now() + PATIENCE;
+            let last, frames = 0;
+            const look = () => {
+                const element = document.querySelector(SELECTOR);
+                element.scrollIntoView({block: 'nearest'});
+                const {x, y, width, height} = element.getBoundingClientRect();
+                const now = [x, y, width, height];
+                frames = now.join() === last ? frames + 1 : 0;
+                last = now.join();
+                const isHit = element.contains(document.elementFromPoint(x + width / 2, y + height / 2));
+                if (frames > 2 && (isHit || !UNCOVERED)) done(now);
+                else if (performance.now() > until) fail(new Error(`${SELECTOR} moves, or is hidden: ${last}`));
+                else requestAnimationFrame(look);
+            };
+            look();
+        })"""
+        named = {"SELECTOR": json.dumps(selector), "UNCOVERED": json.dumps(uncovered), "PATIENCE": PATIENCE * 500}
+        for name, value in named.items():
+            look = look.replace(name, str(value))
+        return self.do(look)
 
     def text(self, selector):
         """The text of the first such element, as it is shown."""

@@ -174,7 +174,7 @@ def test_a_stage_that_writes_into_another_stage_is_named(study_of, tmp_path, und
 def test_without_the_check_the_others_would_be_wrong(study_of, tmp_path, undisturbed, monkeypatch):
     """Twin of the above: the counters of tensors unread, and the cell after the hostile one is another."""
     study = study_of("pyramid.texels.zero_()")
-    monkeypatch.setattr("glossbench.shading.tensors_in", lambda value: iter(()))
+    monkeypatch.setattr("glossbench.stage_cache.tensors_in", lambda value: iter(()))
 
     results = run_study(study, tmp_path / "r")
 

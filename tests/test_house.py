@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from glossbench.provenance import NUMERICS
+
 ROOT = Path(__file__).resolve().parents[1]
 # Where each folder is found once installed.
 PACKAGES = {"glossbench": "glossbench", "methods": "glossbench.methods", "reports": "glossbench.reports"}
@@ -109,3 +111,34 @@ ALLOWED = [
 @pytest.mark.parametrize(("module", "source"), ALLOWED)
 def test_the_walk_lets_the_other_arrows_pass(module, source):
     assert forbidden(module, module.rpartition(".")[0], source) == []
+
+
+# Imported by what computes, and of no weight for its numbers: files, messages, names, clocks.
+NO_NUMBERS = {
+    "atomic", "catalog", "checkpoint", "claims", "costs", "download", "errors", "items", "provenance", "registry",
+    "srgb",
+}  # fmt: skip
+
+
+def uncounted(parts):
+    """Modules of the core that images or metrics are computed with, and that these parts leave out."""
+    known = {p.values[0]: p.values for p in modules()}
+    waiting = [name for name in known if within(name, "glossbench.methods") or within(name, "glossbench.metrics")]
+    waiting += ["glossbench.ground_truth", "glossbench.measuring"]
+    seen = set()
+    while waiting:
+        name = waiting.pop()
+        if name in known and name not in seen and name != "glossbench":  # the package's own names are for callers
+            seen.add(name)
+            _, package, path = known[name]
+            waiting += imports(path.read_text(), package)
+    tops = {name.split(".")[1] for name in seen if not within(name, "glossbench.methods")}
+    return sorted(tops - NO_NUMBERS - {part.removesuffix(".py") for part in parts})
+
+
+def test_all_that_computes_decides_whether_a_cell_is_made_anew():
+    assert uncounted(NUMERICS) == []
+
+
+def test_the_check_of_what_computes_notices_a_module_left_out():
+    assert uncounted(set(NUMERICS) - {"homomorphic.py", "envmap"}) == ["envmap", "homomorphic"]
