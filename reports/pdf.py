@@ -20,7 +20,7 @@ from .images import MOST_PICTURES, chosen
 from .lines import COSTS, axis_of, lines_at
 from .notation import runs
 from .print_images import PrintedGroup, middle_budgets
-from .print_plots import against_costs, cost_over_sweep, error_by_method, over_sweep, plot
+from .print_plots import against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .print_tables import claim_table, cost_table, equal_table, error_tables, reference_table
 from .sweeps import SAMPLES, Place, Sweep, along, places_of, sweeps_of
 from .typesetting import Press
@@ -97,10 +97,13 @@ def _plots(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metric: str, pr
     first = next(iter(sweeps.values()))
     for place in places_of(groups, first) if first.name != SAMPLES else ():
         panels = over_sweep(place, metric)
-        if panels and not first.kind:  # what a method is told changes its costs
+        what = metric
+        if panels and first.kind:
+            panels = facets(panels)
+        elif panels:  # what a method is told changes its costs
             panels += [panel for cost in COSTS for panel in cost_over_sweep(place, metric, cost)]
+            what = f"{metric} and costs"
         if panels:
-            what = f"{metric} and costs" if len(panels) > 1 else metric
             found.append((plot(panels), f"{place.title}: {what} over {place.sweep.title}"))
     for place in places_of(groups, along(sweeps)):
         if figure := plot_of(place, metric):

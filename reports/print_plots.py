@@ -23,12 +23,30 @@ DASHES: Sequence[Any] = ("-", (0, (5, 1.5)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 
 
 
 class Panel(NamedTuple):
-    """One plot of a metric or cost: over the swept quantity, or against a cost."""
+    """One plot of a metric or cost: over the swept quantity, or against a cost.
+
+    Attributes:
+        dash: of the lines that are drawn; None for all. Panels of the same lines have the same scales.
+    """
 
     place: Place
     lines: Sequence[Line]
     axis: Axis
     cost: str = ""
+    dash: int | None = None
+
+    @property
+    def drawn(self) -> list[Line]:
+        """Its lines."""
+        return [line for line in self.lines if self.dash in (None, line.label.dash)]
+
+    @property
+    def title(self) -> str:
+        """The options that its lines share, where it has but a part of all lines."""
+        if self.dash is None:
+            return ""
+        first, *others = (line.label.options for line in self.drawn)
+        return ", ".join(f"{key} {v}" for key, v in first.items() if all(other.get(key) == v for other in others))
 
     def x(self, line: Line) -> Floats:
         """Of its points."""
@@ -45,6 +63,15 @@ def over_sweep(place: Place, metric: str) -> list[Panel]:
     """A metric over what is swept, where a line has more than one value of it."""
     lines = lines_at(place, metric)
     return [Panel(place, lines, axis_of(place, metric))] if any(len(set(line.x)) > 1 for line in lines) else []
+
+
+def facets(panels: Sequence[Panel]) -> list[Panel]:
+    """A panel for each kind of dashes, where there are as many lines that there is more than one."""
+    found = []
+    for panel in panels:
+        dashes = sorted({line.label.dash for line in panel.lines})
+        found += [panel._replace(dash=dash) for dash in dashes] if 1 < len(dashes) <= len(DASHES) else [panel]
+    return found
 
 
 def cost_over_sweep(place: Place, metric: str, cost: str) -> list[Panel]:
@@ -75,14 +102,12 @@ def plot(panels: Sequence[Panel]) -> Figure:
     names = [line.name if first.cost else _named(line, first.axis) for line in first.lines]
     longest = max(map(len, names))
     in_key = 1 if len(panels) == 1 or longest > 58 else 2 if longest > 32 else 3
-    is_crowded = len(names) > len(COLOURS)
-    height = (1.4 if rows > 1 else 3.4 if len(panels) == 1 and is_crowded else 1.9) * rows
-    height += 0.15 * ceil((len(names) + 3) / in_key) + 0.1
-    width = WIDTH if len(panels) > 1 or is_crowded else 0.6 * WIDTH
-    figure = Figure(figsize=(width, height), layout="constrained")
+    height = (1.4 if rows > 1 and first.dash is None else 1.9) * rows + 0.15 * ceil((len(names) + 3) / in_key) + 0.1
+    figure = Figure(figsize=(WIDTH if len(panels) > 1 else 0.6 * WIDTH, height), layout="constrained")
     for i, panel in enumerate(panels):
         ax = figure.add_subplot(rows, columns, i + 1)
         _draw(ax, panel)
+        ax.set_title(panel.title, loc="left", size="medium")
         if i % columns == 0 or panel.axis != panels[i - 1].axis:
             ax.set_ylabel(panel.axis.label)
     handles: list[Artist] = [_handle(line, name) for line, name in zip(first.lines, names, strict=True)]
@@ -121,7 +146,7 @@ def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
 def _draw(ax: Axes, panel: Panel) -> None:
     lines, axis = panel.lines, panel.axis
     ax.set_xscale("log" if panel.is_log else "linear")
-    for line in lines:
+    for line in panel.drawn:
         x = panel.x(line)
         seen = axis.shows(line.errors) & ((x > 0) | (not panel.is_log))
         if line.band is not None:
@@ -178,7 +203,7 @@ def _handle(line: Line, name: str) -> Line2D:
 def _key(figure: Figure, handles: Sequence[Artist], columns: int) -> None:
     figure.legend(
         handles=handles, ncols=columns, loc="outside lower left", frameon=False, borderaxespad=0.1,
-        handlelength=1.8, columnspacing=1.4, labelspacing=0.3,
+        handlelength=3.2, columnspacing=1.4, labelspacing=0.3,
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from .crops import Crop
 from .images import MOST_PICTURES, chosen
 from .lines import COSTS, axis_of, lines_at
 from .print_images import PrintedGroup, middle_budgets
-from .print_plots import Panel, against_costs, cost_over_sweep, error_by_method, over_sweep, plot
+from .print_plots import Panel, against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .profile import brightest_row, cross_section
 from .sweeps import Place, Sweep, along, places_of, sweeps_of
 from .typesetting import Format, Press
@@ -82,7 +82,8 @@ def convergence(
     run = _read(folder, None if metric in COSTS else metric)
     place = _numbered(run, _single(run, _swept(run, over)), group)
     cost = metric if metric in COSTS else None
-    _plot(run, place, cost_over_sweep(place, run.metric, cost) if cost else over_sweep(place, run.metric), path)
+    panels = cost_over_sweep(place, run.metric, cost) if cost else over_sweep(place, run.metric)
+    _plot(run, place, facets(panels), path)
 
 
 def costs(folder: Path, path: Path, *, group: int | None = None, metric: str | None = None) -> None:

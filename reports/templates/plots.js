@@ -114,6 +114,8 @@ function plots() {
     const several = Object.entries(values).filter(([, { size }]) => size > 1);
     return several.length < 2 ? [] : several.map(([name, each]) => {
       const group = document.createElement("span");
+      group.setAttribute("role", "group");
+      group.setAttribute("aria-label", name);
       group.append(name, ...[...each].map((value) => {
         const label = document.createElement("label");
         const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: true });
