@@ -103,12 +103,13 @@ def plot(panels: Sequence[Panel]) -> Figure:
     longest = max(map(len, names))
     in_key = 1 if len(panels) == 1 or longest > 58 else 2 if longest > 32 else 3
     height = (1.4 if rows > 1 and first.dash is None else 1.9) * rows + 0.15 * ceil((len(names) + 3) / in_key) + 0.1
+    has_costs = any(panel.axis != first.axis for panel in panels)
     figure = Figure(figsize=(WIDTH if len(panels) > 1 else 0.6 * WIDTH, height), layout="constrained")
     for i, panel in enumerate(panels):
         ax = figure.add_subplot(rows, columns, i + 1)
         _draw(ax, panel)
-        ax.set_title(panel.title, loc="left", size="medium")
-        if i % columns == 0 or panel.axis != panels[i - 1].axis:
+        ax.set_title(panel.axis.label if has_costs else panel.title, loc="left", size="medium")
+        if i % columns == 0 and not has_costs:
             ax.set_ylabel(panel.axis.label)
     handles: list[Artist] = [_handle(line, name) for line, name in zip(first.lines, names, strict=True)]
     if first.axis.is_log and first.axis.noise > 0:

@@ -31,14 +31,14 @@ function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
   const lines = data.lines.filter((line) => shown(line));
   const visible = (line, i) => line.y[i] !== null && line.x[x][i] !== null && (line.y[i] > 0 || !data.isLog || data.isCost);
   const indices = (line) => line.y.map((_, i) => i).filter((i) => visible(line, i));
-  const across = lines.flatMap((line) => indices(line).map((i) => line.x[x][i]));
+  const across = [...new Set(lines.flatMap((line) => indices(line).map((i) => line.x[x][i])))];
   const up = lines.flatMap((line) => indices(line).map((i) => line.y[i]));
   const floor = data.isLog ? 2 * data.noise : 0;
   const showsFloor = up.length > 0 && floor > Math.min(...up) / 30;
   const area = { left: MARGIN.left, right: width - MARGIN.right, top: MARGIN.top, bottom: height - MARGIN.bottom };
   const isLinear = x === "over" && data.isLinear;
   const horizontal = (isLinear ? linearScale : logScale)(across.length ? across : [1], [area.left, area.right]);
-  if (x === "over" && !isLinear) Object.assign(horizontal, { major: apart(horizontal, across), minor: [] });
+  if (x === "over" && !isLinear && fit(horizontal, across)) Object.assign(horizontal, { major: across, minor: [] });
   const vertical = (data.isLog ? logScale : linearScale)(
     up.length ? [...up, ...(showsFloor ? [floor] : [])] : [1], [area.bottom, area.top], 1.6);
   const place = (line, i) => [horizontal.at(line.x[x][i]), vertical.at(line.y[i])];
@@ -110,13 +110,10 @@ function axes(horizontal, vertical, area, below, above) {
   return group;
 }
 
-// What is swept has its ticks at its own values, as many as there is room for.
-function apart({ at }, values) {
-  const kept = [];
-  for (const value of [...new Set(values)].sort((a, b) => a - b)) {
-    if (!kept.length || at(value) - at(kept.at(-1)) > 36) kept.push(value);
-  }
-  return kept;
+// Whether there is room for a tick at each value of what is swept.
+function fit({ at }, values) {
+  const places = values.map(at).sort((a, b) => a - b);
+  return places.every((x, i) => i === 0 || x - places[i - 1] > 36);
 }
 
 function text(x, y, content, anchor) {
