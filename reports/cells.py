@@ -77,67 +77,72 @@ def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
 def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Group]:
     """Cells by light, material and view, in the order of the study."""
     cells = _cells(rows)
-    names = {kind: _names(kind, rows) for kind in KINDS}
+    names = {kind: names_of(kind, rows) for kind in KINDS}
 
     def place(cell: Cell) -> tuple[int, ...]:
-        return tuple(list(names[kind]).index(_identity(kind, cell.row)) for kind in KINDS)
+        return tuple(list(names[kind]).index(identity(kind, cell.row)) for kind in KINDS)
 
     found = []
     for _, members in groupby(sorted(cells, key=place), key=place):
         group = sorted(members, key=lambda cell: (cell.index, cell.row["n_samples"] or 0))
         first = next((cell.row for cell in group if cell.done), {})
-        named = {kind: names[kind][_identity(kind, group[0].row)] for kind in KINDS}
+        named = {kind: names[kind][identity(kind, group[0].row)] for kind in KINDS}
         options = {kind: group[0].row[f"{kind}_options"] for kind in KINDS}
         best = {metric: _best(metric, [cell.row for cell in group if cell.done]) for metric in metrics}
         found.append(Group(", ".join(named.values()), options, group, first, best, named))
     return found
 
 
+def told_apart(rows: Sequence[Mapping[str, Any]], over: str = "samples") -> tuple[list[str], list[str]]:
+    """Options that tell the cells of one method apart, beside that which a plot is over; and without what it decides.
+
+    Tuned options tell nothing, nor do those that are the number of samples by another name, where that is plotted over.
+    """
+    options = [row["options"] for row in rows]
+    aside = {over} | {key for row in rows for key in row["tuned"]}
+    if over == "samples":
+        done = [(row["options"], row["n_samples"]) for row in rows if row["status"] == "done"]
+        aside |= {key for key in _differing(options) if done and all(each.get(key) == n for each, n in done)}
+    told = [key for key in _differing(options) if key not in aside]
+    return told, [key for key in told if not _follows(key, over, options)]
+
+
+def identity(kind: str, row: Mapping[str, Any], without: str = "") -> str:
+    """What a light, material or view is, one of its parameters aside."""
+    options = {key: value for key, value in row[f"{kind}_options"].items() if key != without}
+    return json.dumps([row[kind], options], sort_keys=True)
+
+
+def names_of(kind: str, rows: Sequence[Mapping[str, Any]], without: str = "") -> dict[str, str]:
+    """By identity the name of each light, material or view, with the options in which those of one name differ."""
+    known = {identity(kind, row, without): row for row in rows}
+    named = {}
+    for key, row in known.items():
+        alike = [other[f"{kind}_options"] for other in known.values() if other[kind] == row[kind]]
+        text = listed({key: row[f"{kind}_options"].get(key) for key in _differing(alike) if key != without})
+        named[key] = f"{row[kind]} ({text})" if text else str(row[kind])
+    return named
+
+
 def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
     """Rows as cells, each with the options that tell it from others of its method."""
-    told: dict[str, list[str]] = {}
-    paired: dict[str, list[str]] = {}
-    for method in dict.fromkeys(row["method"] for row in rows):
-        own = [row for row in rows if row["method"] == method]
-        samples = [(row["options"], row["n_samples"]) for row in own if row["status"] == "done"]
-        budgets = {"samples"} | {key for row in own for key in row["tuned"]}
-        told[method] = [
-            key
-            for key in _differing([row["options"] for row in own])
-            if key not in budgets and not (samples and all(options.get(key) == n for options, n in samples))
-        ]
-        paired[method] = [key for key in told[method] if _follows_budget(key, [row["options"] for row in own])]
+    methods = dict.fromkeys(row["method"] for row in rows)
+    told = {method: told_apart([row for row in rows if row["method"] == method]) for method in methods}
     order: dict[tuple[str, str], int] = {}
     cells = []
     for row in rows:
-        own_options = {key: row["options"].get(key) for key in told[row["method"]]}
-        line = listed({key: value for key, value in own_options.items() if key not in paired[row["method"]]})
+        options, line = (listed({key: row["options"].get(key) for key in keys}) for keys in told[row["method"]])
         index = order.setdefault((row["method"], line), len(order))
-        cells.append(Cell(row, listed(own_options), index, line))
+        cells.append(Cell(row, options, index, line))
     return cells
 
 
-def _follows_budget(key: str, options: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the budget alone decides an option, as where a study pairs them: then it tells no two lines apart."""
+def _follows(key: str, over: str, options: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether one option alone decides another, as where a study pairs them: then that tells no two lines apart."""
     values: dict[str, set[str]] = {}
     for each in options:
-        values.setdefault(json.dumps(each.get("samples")), set()).add(json.dumps(each.get(key)))
+        values.setdefault(json.dumps(each.get(over)), set()).add(json.dumps(each.get(key)))
     return len(values) > 1 and all(len(found) == 1 for found in values.values())
-
-
-def _identity(kind: str, row: Mapping[str, Any]) -> str:
-    return json.dumps([row[kind], row[f"{kind}_options"]], sort_keys=True)
-
-
-def _names(kind: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """The name of each light, material or view, with the options in which those of one name differ."""
-    known = {_identity(kind, row): row for row in rows}
-    named = {}
-    for identity, row in known.items():
-        alike = [other[f"{kind}_options"] for other in known.values() if other[kind] == row[kind]]
-        text = listed({key: row[f"{kind}_options"].get(key) for key in _differing(alike)})
-        named[identity] = f"{row[kind]} ({text})" if text else str(row[kind])
-    return named
 
 
 def _differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -147,14 +152,15 @@ def _differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def listed(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} {_value(value)}" for key, value in options.items())
+    return ", ".join(f"{key} {as_text(value)}" for key, value in options.items())
 
 
-def _value(value: Any) -> str:
+def as_text(value: Any) -> str:
+    """The value of an option, as names have it."""
     if isinstance(value, float):
         return f"{value:.4g}".replace("-", "−")
     if isinstance(value, list):
-        return f"[{', '.join(_value(each) for each in value)}]"
+        return f"[{', '.join(as_text(each) for each in value)}]"
     return value if isinstance(value, str) else json.dumps(value)
 
 

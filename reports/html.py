@@ -19,13 +19,14 @@ from .cells import Cell, Group, grouped, listed, parsed
 from .descriptions import described
 from .equal import error_at_time, time_at_error
 from .images import MOST_PICTURES, chosen, pictures_of
-from .lines import Floats, Place, axis_of, lines_at, places_of
+from .lines import Floats, axis_of, lines_at
 from .notation import runs
 from .payload import payload, remove_others
 from .pictures import CLIPPED_SHARE, WHITE, svg_uri
 from .plot_data import plot_data
 from .scripts import TEMPLATES, module, policy
 from .spreadsheet import csv_link
+from .sweeps import SAMPLES, Place, places_of, sweeps_of
 from .typesetting import Press
 
 MANY_PATTERNS = 12
@@ -40,7 +41,8 @@ def write_report(folder: Path) -> Path:
     study = results.study
     metrics = [name for name in _metrics(study) if name in results.cells.columns]
     groups = grouped(rows, metrics)
-    places = places_of([group for group in groups if group.done])
+    done = [group for group in groups if group.done]
+    sweeps = sweeps_of(done, study.get("claims") or ())
     viewer = payload(results, groups, metrics[0] if metrics else None)
     scripts = [module(PAGE), module(sorted(path.name for path in TEMPLATES.glob("viewer*.js")))]
     page = (
@@ -59,8 +61,8 @@ def write_report(folder: Path) -> Path:
             missing=_missing(groups),
             viewer=viewer,
             answer=_answer(results, groups, metrics),
-            plots=plot_data(places, metrics),
-            equal=_equal(places, metrics),
+            plots=plot_data(done, sweeps, metrics),
+            equal=_equal(places_of(done, sweeps[SAMPLES]), metrics),
             sheets=_sheets(results, groups),
             patterns=_patterns(results, groups),
             n_patterns=MANY_PATTERNS,

@@ -1,9 +1,9 @@
-"""The lines of plots: what each method with its options reached with each budget, and at what cost."""
+"""The lines of plots: what each method with its options reached over what a study sweeps, and at what cost."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from scipy.stats import t as student
 from glossbench.comparisons import noise_of
 from glossbench.metrics import METRICS
 
-from .cells import Cell, Group, listed
+from .cells import Cell, Group
+from .sweeps import Label, Place
 
 Floats = NDArray[np.floating]
 Mask = NDArray[np.bool_]
@@ -30,11 +31,11 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Line:
-    """One method with its options: what it reached with each budget, in order of samples.
+    """One method with its options: what it reached at each value of the swept quantity, in their order.
 
     Attributes:
-        index: its place in the study, which gives colour and marker: the same in every plot.
-        samples: light samples a pixel.
+        label: its name and look, the same in every plot over one quantity.
+        x: the values of the swept quantity.
         costs: of each point, by the names in `COSTS`.
         errors: the size of the metric.
         at_floor: true where the reference cannot resolve the RMS error.
@@ -42,21 +43,25 @@ class Line:
         band: lower and upper end of the confidence interval, where a point is a mean over three lights or more.
     """
 
-    name: str
-    index: int
-    samples: Floats
+    label: Label
+    x: Floats
     costs: Mapping[str, Floats]
     errors: Floats
     at_floor: Mask
     keys: Sequence[str] = ()
     band: tuple[Floats, Floats] | None = None
 
+    @property
+    def name(self) -> str:
+        """Method and options."""
+        return self.label.name
+
     def slope(self) -> float | None:
-        """Fitted slope of log error over log samples; None below three resolved points."""
+        """Fitted slope of log error over log x; None below three resolved points, or where an x is not positive."""
         use = ~self.at_floor & (self.errors > 0) & np.isfinite(self.errors)
-        if len(set(self.samples[use])) < 3:
+        if len(set(self.x[use])) < 3 or (self.x[use] <= 0).any():
             return None
-        return float(np.polyfit(np.log(self.samples[use]), np.log(self.errors[use]), 1)[0])
+        return float(np.polyfit(np.log(self.x[use]), np.log(self.errors[use]), 1)[0])
 
 
 @dataclass(frozen=True)
@@ -78,26 +83,6 @@ class Axis:
         return np.isfinite(values) & ((values > 0) | (not self.is_log))
 
 
-class Place(NamedTuple):
-    """Where lines are compared: one light, material and view, or the mean over several lights."""
-
-    title: str
-    groups: Sequence[Group]
-
-
-def places_of(groups: Sequence[Group]) -> list[Place]:
-    """Each group, and the mean over the lights of each material and view that more than one light shines on."""
-    shared: dict[str, list[Group]] = {}
-    for group in groups:
-        shared.setdefault(listed({kind: group.names[kind] for kind in ("material", "view")}), []).append(group)
-    means = [
-        Place(f"mean over {len(alike)} lights, {alike[0].names['material']}, {alike[0].names['view']}", alike)
-        for alike in shared.values()
-        if len(alike) > 1
-    ]
-    return [*(Place(group.title, [group]) for group in groups), *means]
-
-
 def axis_of(place: Place, metric: str) -> Axis:
     """How a metric is plotted: signed ones by their size; one of a plug-in that is not installed as an error."""
     if metric not in METRICS.names():
@@ -111,20 +96,24 @@ def axis_of(place: Place, metric: str) -> Axis:
 
 
 def lines_at(place: Place, metric: str) -> list[Line]:
-    """The lines of a metric, in the order of the study; those of the first light say which points there are."""
+    """The lines of a metric, in the order of the study; the first light says where they have points."""
     is_log = axis_of(place, metric).is_log
-    alike = [{_place_of(cell): cell for cell in _measured(group, metric)} for group in place.groups]
-    complete = [cell for key, cell in alike[0].items() if all(key in others for others in alike)]
+    alike = [
+        {place.sweep.point(cell.row): cell.row for group in groups for cell in _plotted(place, group, metric)}
+        for groups in place.lights
+    ]
+    complete = {point: row for point, row in alike[0].items() if all(point in others for others in alike)}
+    values = {point: place.sweep.value(row) for point, row in complete.items()}
     lines = []
-    for index, members in groupby(complete, key=lambda cell: cell.index):
-        points = [[cells[_place_of(cell)].row for cells in alike] for cell in members]
-        name = next(cell.name for cell in complete if cell.index == index)
+    for _, members in groupby(
+        sorted(complete, key=lambda point: (point[0], values[point])), key=lambda point: point[0]
+    ):
+        points = [[rows[point] for rows in alike] for point in members]
         errors, band = _mean([[row[metric] for row in point] for point in points], is_log)
         lines.append(
             Line(
-                name,
-                index,
-                np.array([point[0]["n_samples"] for point in points], float),
+                place.sweep.labels[points[0][0]["key"]],
+                np.array([place.sweep.value(point[0]) for point in points], float),
                 {cost: np.array([np.mean([_cost(row, cost) for row in point]) for point in points]) for cost in COSTS},
                 errors,
                 np.array([any(row["at_noise_floor"] for row in point) for point in points]),
@@ -133,6 +122,11 @@ def lines_at(place: Place, metric: str) -> list[Line]:
             )
         )
     return lines
+
+
+def costing(line: Line, cost: str) -> Line:
+    """The line with a cost in the place of its errors."""
+    return replace(line, errors=line.costs[cost], at_floor=np.zeros_like(line.at_floor), band=None)
 
 
 def front(lines: Sequence[Line], cost: str, axis: Axis) -> list[Mask]:
@@ -157,13 +151,8 @@ def front(lines: Sequence[Line], cost: str, axis: Axis) -> list[Mask]:
     return masks
 
 
-def _measured(group: Group, metric: str) -> list[Cell]:
-    return [cell for cell in group.done if cell.row.get(metric) is not None]
-
-
-def _place_of(cell: Cell) -> tuple[int, Any]:
-    """What the same cell under another light has in common with it: its line and its budget."""
-    return cell.index, cell.row["options"].get("samples", cell.row["n_samples"])
+def _plotted(place: Place, group: Group, metric: str) -> list[Cell]:
+    return [cell for cell in group.done if place.sweep.value(cell.row) is not None and cell.row.get(metric) is not None]
 
 
 def _cost(row: Mapping[str, Any], cost: str) -> float:

@@ -17,11 +17,12 @@ from .cells import Group, grouped, listed, parsed
 from .descriptions import described
 from .equal import error_at_time, time_at_error
 from .images import MOST_PICTURES, chosen
-from .lines import Place, axis_of, lines_at, places_of
+from .lines import COSTS, axis_of, lines_at
 from .notation import runs
 from .print_images import PrintedGroup, middle_budgets
-from .print_plots import error_by_method, error_over, quantities
+from .print_plots import against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .print_tables import claim_table, cost_table, equal_table, error_tables, reference_table
+from .sweeps import SAMPLES, Place, Sweep, along, places_of, sweeps_of
 from .typesetting import Press
 
 MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
@@ -34,7 +35,8 @@ def write_report(folder: Path) -> Path:
     rows = [parsed(row) for row in results.cells.to_dict("records")]
     metrics = [name for name in study.get("metrics") or () if name in results.cells.columns]
     groups = grouped(rows, metrics)
-    places = places_of([group for group in groups if group.done])
+    done = [group for group in groups if group.done]
+    sweeps = sweeps_of(done, study.get("claims") or ())
     citations = cited_by(_used(rows, metrics), str(study.get("source") or ""))
     with Press() as press:
         answer, images = _images(results, groups, answer_of(groups, metrics[0]) if metrics else None, press)
@@ -52,8 +54,8 @@ def write_report(folder: Path) -> Path:
             "more_errors": more_errors,
             "tables_last": len(rows) > MANY_CELLS,
             "costs": cost_table(groups),
-            "plots": _plots(places, metrics[0], press) if metrics else [],
-            "equal": _equal(places, metrics[0]) if metrics else [],
+            "plots": _plots(done, sweeps, metrics[0], press) if metrics else [],
+            "equal": _equal(places_of(done, sweeps[SAMPLES]), metrics[0]) if metrics else [],
             "images": images,
             "methods": _methods(rows, press),
             "metrics": [_metric(name) for name in metrics],
@@ -89,23 +91,35 @@ def _images(
     return first, found
 
 
-def _plots(places: Sequence[Place], metric: str, press: Press) -> list[dict[str, Any]]:
-    """At each place the study's first metric over samples and over each cost."""
+def _plots(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metric: str, press: Press) -> list[dict[str, Any]]:
+    """The study's first metric, and costs, over what the study sweeps; and at each place the metric against costs."""
     found = []
-    for place in places:
+    first = next(iter(sweeps.values()))
+    for place in places_of(groups, first) if first.name != SAMPLES else ():
+        panels = over_sweep(place, metric)
+        what = metric
+        if panels and first.kind:
+            panels = facets(panels)
+        elif panels:  # what a method is told changes its costs
+            panels += [panel for cost in COSTS for panel in cost_over_sweep(place, metric, cost)]
+            what = f"{metric} and costs"
+        if panels:
+            found.append((plot(panels), f"{place.title}: {what} over {place.sweep.title}"))
+    for place in places_of(groups, along(sweeps)):
         if figure := plot_of(place, metric):
-            alt = f"Plots of {metric} over samples and costs: {place.title}"
-            found.append(press.figure(figure) | {"alt": alt, "title": place.title, "metric": metric})
-    return found
+            over = "over samples and costs" if place.sweep.name == SAMPLES else "against costs"
+            found.append((figure, f"{place.title}: {metric} {over}"))
+    return [press.figure(figure) | {"alt": f"Plots of {title}", "caption": title} for figure, title in found]
 
 
 def plot_of(place: Place, metric: str) -> Figure | None:
     """A metric over samples and costs; where each method has one budget and no cost, by method."""
-    lines, axis = lines_at(place, metric), axis_of(place, metric)
+    lines = lines_at(place, metric)
     if not lines:
         return None
-    over = quantities(lines, axis)
-    return error_over(over, lines, axis) if over else error_by_method(lines, axis)
+    over = over_sweep(place, metric) if place.sweep.name == SAMPLES else []
+    panels = [*over, *against_costs(place, metric)]
+    return plot(panels) if panels else error_by_method(lines, axis_of(place, metric))
 
 
 def _equal(places: Sequence[Place], metric: str) -> list[dict[str, Any]]:

@@ -1,36 +1,51 @@
-"""The plots of a page as data: its script draws them, and draws them anew for another place or metric."""
+"""The plots of a page as data: its script draws them, and draws them anew for another sweep, place or metric."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from .cells import Group
 from .figures import COLOURS
-from .lines import COSTS, Axis, Floats, Line, Place, axis_of, front, lines_at
+from .lines import COSTS, Axis, Floats, Line, axis_of, costing, front, lines_at
+from .sweeps import Place, Sweep, places_of
 
 
-def plot_data(places: Sequence[Place], metrics: Sequence[str]) -> dict[str, Any]:
-    """All places under all metrics; a number that is missing or not finite is None."""
+def plot_data(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metrics: Sequence[str]) -> dict[str, Any]:
+    """All places of all sweeps under all metrics; a number that is missing or not finite is None."""
     return {
-        "quantities": {"samples": "light samples a pixel", **COSTS},
+        "costs": COSTS,
         "colours": COLOURS,
         "metrics": list(metrics),
-        "places": [
-            {"title": place.title, "of": {metric: _plotted(place, metric) for metric in metrics}} for place in places
+        "sweeps": [
+            {
+                "name": sweep.name,
+                "title": sweep.title,
+                "kind": sweep.kind,
+                "isSwept": sweep.n_values > 1,
+                "labels": {label.index: vars(label) for label in sweep.labels.values()},
+                "places": [
+                    {"title": place.title, "of": {metric: _plotted(place, metric) for metric in metrics}}
+                    for place in places_of(groups, sweep)
+                ],
+            }
+            for sweep in sweeps.values()
         ],
     }
 
 
 def _plotted(place: Place, metric: str) -> dict[str, Any]:
     lines, axis = lines_at(place, metric), axis_of(place, metric)
+    # What is cheap under one condition and exact under another is on no front.
+    fronts = {} if place.sweep.kind else {cost: front(lines, cost, axis) for cost in COSTS}
     return {
         "label": axis.label,
         "noise": axis.noise,
         "isLog": axis.is_log,
         "lines": [_line(line, axis) for line in lines],
         "fronts": {
-            cost: [[i, int(j)] for i, mask in enumerate(front(lines, cost, axis)) for j in np.flatnonzero(mask)]
-            for cost in COSTS
+            cost: [[i, int(j)] for i, mask in enumerate(masks) for j in np.flatnonzero(mask)]
+            for cost, masks in fronts.items()
         },
     }
 
@@ -38,11 +53,10 @@ def _plotted(place: Place, metric: str) -> dict[str, Any]:
 def _line(line: Line, axis: Axis) -> dict[str, Any]:
     low, high = line.band or (None, None)
     return {
-        "name": line.name,
-        "index": line.index,
-        "slope": line.slope() if axis.is_log else None,
+        "index": line.label.index,
+        "slopes": {"": line.slope() if axis.is_log else None, **{cost: costing(line, cost).slope() for cost in COSTS}},
         "keys": list(line.keys),
-        "x": {"samples": _short(line.samples), **{cost: _short(line.costs[cost]) for cost in COSTS}},
+        "x": {"over": _short(line.x), **{cost: _short(line.costs[cost]) for cost in COSTS}},
         "y": _short(line.errors),
         "floor": [bool(at) for at in line.at_floor],
         "low": _short(low),

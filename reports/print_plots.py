@@ -1,8 +1,8 @@
-"""Plots for print: the error of each method over samples and over each cost, side by side, with one key for all."""
+"""Plots for print: errors and costs of each method over what a study sweeps, and errors against costs, with one key."""
 
 from collections.abc import Sequence
 from math import ceil, floor, log10
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import rc_context
@@ -14,45 +14,112 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from .figures import COLOURS, INK, MARKERS, PAPER, RC, number
-from .lines import CONFIDENCE, COSTS, Axis, Floats, Line, front
+from .lines import CONFIDENCE, COSTS, Axis, Floats, Line, axis_of, costing, front, lines_at
+from .sweeps import SAMPLES, Place
 
 WIDTH = 6.53  # inches of text across a page
 SMALL = {**RC, "font.size": 7.5, "lines.linewidth": 1.1, "lines.markersize": 4}
-SAMPLES = "samples"
+DASHES: Sequence[Any] = ("-", (0, (5, 1.5)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 1.5)))
 
 
-def quantities(lines: Sequence[Line], axis: Axis) -> list[str]:
-    """What errors are plotted over: samples, where a line has more than one budget; costs that two lines have."""
-    found = [SAMPLES] if any(len(set(line.samples)) > 1 for line in lines) else []
+class Panel(NamedTuple):
+    """One plot of a metric or cost: over the swept quantity, or against a cost.
+
+    Attributes:
+        dash: of the lines that are drawn; None for all. Panels of the same lines have the same scales.
+    """
+
+    place: Place
+    lines: Sequence[Line]
+    axis: Axis
+    cost: str = ""
+    dash: int | None = None
+
+    @property
+    def drawn(self) -> list[Line]:
+        """Its lines."""
+        return [line for line in self.lines if self.dash in (None, line.label.dash)]
+
+    @property
+    def title(self) -> str:
+        """The options that its lines share, where it has but a part of all lines."""
+        if self.dash is None:
+            return ""
+        first, *others = (line.label.options for line in self.drawn)
+        return ", ".join(f"{key} {v}" for key, v in first.items() if all(other.get(key) == v for other in others))
+
+    def x(self, line: Line) -> Floats:
+        """Of its points."""
+        return line.costs[self.cost] if self.cost else line.x
+
+    @property
+    def is_log(self) -> bool:
+        """Over samples and costs, as over all that is greater than zero."""
+        positive = all((self.x(line) > 0).all() for line in self.lines)
+        return bool(self.cost) or self.place.sweep.name == SAMPLES or positive
+
+
+def over_sweep(place: Place, metric: str) -> list[Panel]:
+    """A metric over what is swept, where a line has more than one value of it."""
+    lines = lines_at(place, metric)
+    return [Panel(place, lines, axis_of(place, metric))] if any(len(set(line.x)) > 1 for line in lines) else []
+
+
+def facets(panels: Sequence[Panel]) -> list[Panel]:
+    """A panel for each kind of dashes, where there are as many lines that there is more than one."""
+    found = []
+    for panel in panels:
+        dashes = sorted({line.label.dash for line in panel.lines})
+        found += [panel._replace(dash=dash) for dash in dashes] if 1 < len(dashes) <= len(DASHES) else [panel]
+    return found
+
+
+def cost_over_sweep(place: Place, metric: str, cost: str) -> list[Panel]:
+    """A cost of the cells that have a metric, over what is swept."""
+    lines = [costing(line, cost) for line in lines_at(place, metric)]
+    return [Panel(place, lines, Axis(COSTS[cost]))] if any((line.errors > 0).any() for line in lines) else []
+
+
+def against_costs(place: Place, metric: str) -> list[Panel]:
+    """A metric against each cost that two lines have."""
+    lines, axis = lines_at(place, metric), axis_of(place, metric)
+    found = []
     for cost in COSTS:
         with_cost = [line for line in lines if (axis.shows(line.errors) & (line.costs[cost] > 0)).any()]
         if len(with_cost) > 1 or (with_cost and len(lines) == 1):
-            found.append(cost)
+            found.append(Panel(place, lines, axis, cost))
     return found
 
 
 @rc_context(SMALL)
-def error_over(over: Sequence[str], lines: Sequence[Line], axis: Axis) -> Figure:
-    """Plots of a metric over `samples` or costs of `COSTS`: shaded up to twice the reference's noise, dashed the
-    Pareto front, and where points are means over lights a band of confidence."""
-    columns = {1: 1, 2: 2, 4: 2}.get(len(over), 3)
-    rows = ceil(len(over) / columns)
-    names = [_named(line, axis, SAMPLES in over) for line in lines]
+def plot(panels: Sequence[Panel]) -> Figure:
+    """Panels side by side: shaded up to twice the reference's noise, dashed the Pareto front, and where points are
+    means over lights a band of confidence. The key has the lines of the first, with their slopes where it is over a
+    sweep."""
+    first = panels[0]
+    columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
+    rows = ceil(len(panels) / columns)
+    names = [line.name if first.cost else _named(line, first.axis) for line in first.lines]
     longest = max(map(len, names))
-    in_key = 1 if len(over) == 1 or longest > 58 else 2 if longest > 32 else 3
-    height = (1.4 if rows > 1 else 1.9) * rows + 0.15 * ceil((len(lines) + 3) / in_key) + 0.1
-    figure = Figure(figsize=(WIDTH if len(over) > 1 else 0.6 * WIDTH, height), layout="constrained")
-    for i, quantity in enumerate(over):
+    in_key = 1 if len(panels) == 1 or longest > 58 else 2 if longest > 32 else 3
+    height = (1.4 if rows > 1 and first.dash is None else 1.9) * rows + 0.15 * ceil((len(names) + 3) / in_key) + 0.1
+    has_costs = any(panel.axis != first.axis for panel in panels)
+    figure = Figure(figsize=(WIDTH if len(panels) > 1 else 0.6 * WIDTH, height), layout="constrained")
+    for i, panel in enumerate(panels):
         ax = figure.add_subplot(rows, columns, i + 1)
-        _draw(ax, quantity, lines, axis)
-        if i % columns == 0:
-            ax.set_ylabel(axis.label)
-    handles: list[Artist] = [_handle(line, name) for line, name in zip(lines, names, strict=True)]
-    if axis.is_log and axis.noise > 0:
-        handles.append(Patch(color=INK, alpha=0.1, lw=0, label=f"twice the noise, {number(2 * axis.noise, 2)}"))
-    if any(quantity != SAMPLES for quantity in over):
+        _draw(ax, panel)
+        ax.set_title(panel.axis.label if has_costs else panel.title, loc="left", size="medium")
+        if i % columns == 0 and not has_costs:
+            ax.set_ylabel(panel.axis.label)
+    handles: list[Artist] = [_handle(line, name) for line, name in zip(first.lines, names, strict=True)]
+    if first.axis.is_log and first.axis.noise > 0:
+        at_most = "at most " if first.place.sweep.kind else ""
+        handles.append(
+            Patch(color=INK, alpha=0.1, lw=0, label=f"twice the noise, {at_most}{number(2 * first.axis.noise, 2)}")
+        )
+    if any(panel.cost for panel in panels):
         handles.append(Line2D([], [], color=INK, lw=0.8, ls=(0, (3, 2)), label="Pareto front"))
-    if any(line.band is not None for line in lines):
+    if any(line.band is not None for line in first.lines):
         handles.append(Patch(color=COLOURS[0], alpha=0.2, lw=0, label=f"{100 * CONFIDENCE:.0f} % over lights"))
     _key(figure, handles, in_key)
     return figure
@@ -66,7 +133,8 @@ def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
     for row, line in enumerate(lines):
         for seen, face in ((~line.at_floor, None), (line.at_floor, PAPER)):
             errors = line.errors[axis.shows(line.errors) & seen]
-            ax.plot(errors, np.full(len(errors), row), ls="", **_style(line), mfc=face or _style(line)["color"])
+            style = _style(line) | {"ls": "", "mfc": face or _style(line)["color"]}
+            ax.plot(errors, np.full(len(errors), row), **style)
     ax.set_ylim(len(lines) - 0.4, -0.6)
     ax.set_yticks(range(len(lines)), [line.name for line in lines])
     ax.tick_params(axis="y", length=0)
@@ -76,26 +144,29 @@ def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
     return figure
 
 
-def _draw(ax: Axes, quantity: str, lines: Sequence[Line], axis: Axis) -> None:
-    ax.set_xscale("log")
-    for line in lines:
-        x = _over(line, quantity)
-        seen = axis.shows(line.errors) & (x > 0)
+def _draw(ax: Axes, panel: Panel) -> None:
+    lines, axis = panel.lines, panel.axis
+    ax.set_xscale("log" if panel.is_log else "linear")
+    for line in panel.drawn:
+        x = panel.x(line)
+        seen = axis.shows(line.errors) & ((x > 0) | (not panel.is_log))
         if line.band is not None:
             low, high = line.band
             ax.fill_between(x[seen], low[seen], high[seen], color=_style(line)["color"], alpha=0.15, lw=0)
-        ax.plot(x[seen], line.errors[seen], ls="-" if seen.sum() > 1 else "", **_style(line))
-        ax.plot(x[seen & line.at_floor], line.errors[seen & line.at_floor], ls="", **_style(line), mfc=PAPER)
-    if quantity != SAMPLES:
-        _draw_front(ax, quantity, lines, axis)
+        ax.plot(x[seen], line.errors[seen], **_style(line) | ({} if seen.sum() > 1 else {"ls": ""}))
+        floored = seen & line.at_floor
+        ax.plot(x[floored], line.errors[floored], **_style(line) | {"ls": "", "mfc": PAPER})
+    if panel.cost:
+        _draw_front(ax, panel.cost, lines, axis)
     _scale(ax, "y", axis, lines)
-    values = sorted({float(x) for line in lines for x in _over(line, quantity) if x > 0})
-    ax.xaxis.set_major_locator(FixedLocator(_apart(values) if quantity == SAMPLES else _ticks(values)))
-    if values and values[-1] < 1.05 * values[0]:  # one cost for all
-        ax.set_xlim(values[0] / 2, values[-1] * 2)
-    ax.xaxis.set_minor_locator(NullLocator())
+    ax.set_xlabel(COSTS[panel.cost] if panel.cost else panel.place.sweep.title)
+    values = sorted({float(x) for line in lines for x in panel.x(line) if x > 0 or not panel.is_log})
     ax.xaxis.set_major_formatter(FuncFormatter(_tick))
-    ax.set_xlabel(COSTS.get(quantity, "light samples a pixel"))
+    if panel.is_log:
+        ax.xaxis.set_major_locator(FixedLocator(_ticks(values) if panel.cost else _apart(values)))
+        ax.xaxis.set_minor_locator(NullLocator())
+        if values and values[-1] < 1.05 * values[0]:  # one cost for all
+            ax.set_xlim(values[0] / 2, values[-1] * 2)
 
 
 def _draw_front(ax: Axes, cost: str, lines: Sequence[Line], axis: Axis) -> None:
@@ -112,17 +183,18 @@ def _draw_front(ax: Axes, cost: str, lines: Sequence[Line], axis: Axis) -> None:
         ax.step(x, y, where="post", color=INK, lw=0.8, ls=(0, (3, 2)), alpha=0.7, zorder=1.5)
 
 
-def _over(line: Line, quantity: str) -> Floats:
-    return line.samples if quantity == SAMPLES else line.costs[quantity]
-
-
-def _named(line: Line, axis: Axis, over_samples: bool) -> str:
-    slope = line.slope() if over_samples and axis.is_log else None
+def _named(line: Line, axis: Axis) -> str:
+    slope = line.slope() if axis.is_log else None
     return line.name + ("" if slope is None else f", slope {number(slope, 2)}")
 
 
 def _style(line: Line) -> dict[str, Any]:
-    return {"color": COLOURS[line.index % len(COLOURS)], "marker": MARKERS[line.index % len(MARKERS)]}
+    label = line.label
+    return {
+        "color": COLOURS[label.hue % len(COLOURS)],
+        "marker": MARKERS[label.index % len(MARKERS)],
+        "ls": DASHES[label.dash % len(DASHES)],
+    }
 
 
 def _handle(line: Line, name: str) -> Line2D:
@@ -132,7 +204,7 @@ def _handle(line: Line, name: str) -> Line2D:
 def _key(figure: Figure, handles: Sequence[Artist], columns: int) -> None:
     figure.legend(
         handles=handles, ncols=columns, loc="outside lower left", frameon=False, borderaxespad=0.1,
-        handlelength=1.8, columnspacing=1.4, labelspacing=0.3,
+        handlelength=3.2, columnspacing=1.4, labelspacing=0.3,
     )  # fmt: skip
 
 

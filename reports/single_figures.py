@@ -1,11 +1,11 @@
 """Single figures of results, each a file of its own: .pdf, .svg or .png.
 
-What a figure may be told by name (group, metric, crop) is what its function takes; the command line asks for no more.
+What a figure may be told by name (group, metric, over, crop) is what its function takes; the command line asks no more.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from glossbench.atomic import replacing
 from glossbench.errors import InputError, nearest
@@ -16,10 +16,11 @@ from .answer import answer_of
 from .cells import Group, grouped, parsed
 from .crops import Crop
 from .images import MOST_PICTURES, chosen
-from .lines import axis_of, lines_at, places_of
+from .lines import COSTS, axis_of, lines_at
 from .print_images import PrintedGroup, middle_budgets
-from .print_plots import SAMPLES, error_by_method, error_over, quantities
+from .print_plots import Panel, against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .profile import brightest_row, cross_section
+from .sweeps import Place, Sweep, along, places_of, sweeps_of
 from .typesetting import Format, Press
 
 
@@ -44,7 +45,7 @@ def crops(
 ) -> None:
     """Crops of each method at its middle budget, with their errors, beside a marked reference."""
     run = _read(folder, metric)
-    of = _numbered(run, group)
+    of = _numbered(run, run.groups, group)
     with Press() as press:
         printed = PrintedGroup(run.results, of, press, metric)
         data = printed.crops(middle_budgets(of), [_inside(Crop(*each), printed) for each in crop])
@@ -54,7 +55,7 @@ def crops(
 def images(folder: Path, path: Path, *, group: int | None = None, metric: str | None = None) -> None:
     """Whole images over their signed errors, or over the error maps of a metric."""
     run = _read(folder, metric)
-    of = _numbered(run, group)
+    of = _numbered(run, run.groups, group)
     with Press() as press:
         printed = PrintedGroup(run.results, of, press, metric)
         _write(press, path, {"kind": "images", **printed.whole(chosen([of], MOST_PICTURES)[0])})
@@ -63,7 +64,7 @@ def images(folder: Path, path: Path, *, group: int | None = None, metric: str | 
 def profile(folder: Path, path: Path, *, group: int | None = None) -> None:
     """Radiance along the row of the reference's brightest pixel, of the reference and of each method."""
     run = _read(folder, None)
-    of = _numbered(run, group)
+    of = _numbered(run, run.groups, group)
     key = of.reference["reference_key"]
     reference, mask = run.results.reference(key), run.results.mask(key)
     cells = [(cell.name, run.results.image(cell.row["key"])) for cell in middle_budgets(of)]
@@ -74,20 +75,32 @@ def profile(folder: Path, path: Path, *, group: int | None = None) -> None:
         _write(press, path, {"kind": "plot", "alt": alt, **press.figure(figure)})
 
 
-def convergence(folder: Path, path: Path, *, group: int | None = None, metric: str | None = None) -> None:
-    """A metric over samples, with fitted slopes and the reference's noise; by method where each has one budget."""
-    _plot(folder, path, group, metric, lambda over: [each for each in over if each == SAMPLES])
+def convergence(
+    folder: Path, path: Path, *, group: int | None = None, metric: str | None = None, over: str | None = None
+) -> None:
+    """A metric or cost over what the study sweeps, with fitted slopes and the reference's noise; else by method."""
+    run = _read(folder, None if metric in COSTS else metric)
+    place = _numbered(run, _single(run, _swept(run, over)), group)
+    cost = metric if metric in COSTS else None
+    panels = cost_over_sweep(place, run.metric, cost) if cost else over_sweep(place, run.metric)
+    _plot(run, place, facets(panels), path)
 
 
 def costs(folder: Path, path: Path, *, group: int | None = None, metric: str | None = None) -> None:
     """A metric over shading time, update costs and memory, with the Pareto front."""
-    _plot(folder, path, group, metric, lambda over: [each for each in over if each != SAMPLES])
+    run = _read(folder, metric)
+    place = _numbered(run, _single(run, along(run.sweeps)), group)
+    _plot(run, place, against_costs(place, run.metric), path)
+
+
+Titled = TypeVar("Titled", Group, Place)
 
 
 class _Run(NamedTuple):
     results: Results
     groups: Sequence[Group]
     metric: str
+    sweeps: Mapping[str, Sweep]
 
 
 def _read(folder: Path, metric: str | None) -> _Run:
@@ -99,19 +112,34 @@ def _read(folder: Path, metric: str | None) -> _Run:
     if metric is not None and metric not in known:
         raise InputError(f"{folder} has no metric {metric!r}{nearest(metric, known)}")
     groups = grouped([parsed(row) for row in cells.to_dict("records")], sorted(known))
-    return _Run(results, [group for group in groups if group.done], metric or (metrics or ["rms"])[0])
+    done = [group for group in groups if group.done]
+    sweeps = sweeps_of(done, results.study.get("claims") or ())
+    return _Run(results, done, metric or (metrics or ["rms"])[0], sweeps)
 
 
-def _numbered(run: _Run, number: int | None) -> Group:
-    """A group by its number from 1 on; without one the only group that there is."""
-    titles = "; ".join(f"{i}: {group.title}" for i, group in enumerate(run.groups, 1))
-    if not run.groups:
+def _swept(run: _Run, name: str | None) -> Sweep:
+    """A sweep by its name; without one the first."""
+    if name is not None and name not in run.sweeps:
+        known = ", ".join(run.sweeps)
+        raise InputError(f"{run.results.folder} sweeps no {name!r}: --over must be one of {known}")
+    return run.sweeps[name] if name else next(iter(run.sweeps.values()))
+
+
+def _single(run: _Run, sweep: Sweep) -> list[Place]:
+    """The places that are no mean over lights."""
+    return [place for place in places_of(run.groups, sweep) if len(place.lights) == 1]
+
+
+def _numbered(run: _Run, members: Sequence[Titled], number: int | None) -> Titled:
+    """A group or place by its number from 1 on; without one the only one that there is."""
+    titles = "; ".join(f"{i}: {each.title}" for i, each in enumerate(members, 1))
+    if not members:
         raise InputError(f"{run.results.folder} has no cell with an image")
-    if number is None and len(run.groups) > 1:
+    if number is None and len(members) > 1:
         raise InputError(f"which light, material and view? --group must be one of {titles}")
-    if number is not None and not 1 <= number <= len(run.groups):
+    if number is not None and not 1 <= number <= len(members):
         raise InputError(f"--group must be one of {titles}, got {number}")
-    return run.groups[(number or 1) - 1]
+    return members[(number or 1) - 1]
 
 
 def _inside(crop: Crop, printed: PrintedGroup) -> Crop:
@@ -127,19 +155,13 @@ def _inside(crop: Crop, printed: PrintedGroup) -> Crop:
     return crop
 
 
-def _plot(
-    folder: Path, path: Path, group: int | None, metric: str | None, picked: Callable[[list[str]], list[str]]
-) -> None:
-    run = _read(folder, metric)
-    of = _numbered(run, group)
-    place = next(place for place in places_of(run.groups) if list(place.groups) == [of])
-    lines, axis = lines_at(place, run.metric), axis_of(place, run.metric)
+def _plot(run: _Run, place: Place, panels: Sequence[Panel], path: Path) -> None:
+    lines = lines_at(place, run.metric)
     if not lines:
-        raise InputError(f"no cell of {of.title} has {run.metric}")
-    over = picked(quantities(lines, axis))
+        raise InputError(f"no cell of {place.title} has {run.metric}")
     with Press() as press:
-        figure = error_over(over, lines, axis) if over else error_by_method(lines, axis)
-        alt = f"{run.metric} of each method: {of.title}"
+        figure = plot(panels) if panels else error_by_method(lines, axis_of(place, run.metric))
+        alt = f"{run.metric} of each method: {place.title}"
         _write(press, path, {"kind": "plot", "alt": alt, **press.figure(figure)})
 
 

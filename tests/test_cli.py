@@ -883,6 +883,7 @@ def test_figures_are_listed_and_written(call):
         (["costs", "--crop", "1,2,3,4"], "error: the figure costs takes no --crop"),
         (["crops", "--crop", "1,2,3"], "error: --crop must be four whole numbers X,Y,WIDTH,HEIGHT, got '1,2,3'"),
         (["crops", "--group", "2"], "error: --group must be one of 1: "),
+        (["convergence", "--over", "k"], "error: results/tiny sweeps no 'k': --over must be one of "),
         (["crops", "-o", "a.gif"], "error: a.gif: the extension must be .pdf, .svg or .png, got '.gif'"),
     ],
 )

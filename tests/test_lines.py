@@ -9,7 +9,8 @@ import pytest
 
 from glossbench.reports.cells import grouped, parsed
 from glossbench.reports.equal import error_at_time, time_at_error
-from glossbench.reports.lines import Axis, Line, front, lines_at, places_of
+from glossbench.reports.lines import Axis, Line, front, lines_at
+from glossbench.reports.sweeps import Label, places_of, sweeps_of
 
 RMS = {"few": [0.4, 0.1, 0.05], "many": [0.8, 0.3, 0.02]}
 SAMPLES = [4, 16, 64]
@@ -18,7 +19,7 @@ SAMPLES = [4, 16, 64]
 def line(name, index, ms, errors, at_floor=None):
     n = len(ms)
     return Line(
-        name, index, np.arange(1.0, n + 1), {"shade": np.array(ms, float)}, np.array(errors, float),
+        Label(name, index, index), np.arange(1.0, n + 1), {"shade": np.array(ms, float)}, np.array(errors, float),
         np.array(at_floor or [False] * n),
     )  # fmt: skip
 
@@ -40,20 +41,25 @@ def rows(factors):
     return found
 
 
+def places(given, over="samples"):
+    groups = grouped(given, ["rms"])
+    return places_of(groups, sweeps_of(groups)[over])
+
+
 def mean_of(factors):
-    return places_of(grouped(rows(factors), ["rms"]))[-1]
+    return places(rows(factors))[-1]
 
 
 def test_each_light_has_a_place_and_all_of_them_one_more():
-    places = places_of(grouped(rows([1, 2, 4]), ["rms"]))
+    found = places(rows([1, 2, 4]))
 
-    assert [len(place.groups) for place in places] == [1, 1, 1, 3]
-    assert places[-1].title == "mean over 3 lights, kurt, sphere"
-    assert len(places_of(grouped(rows([1]), ["rms"]))) == 1
+    assert [len(place.groups) for place in found] == [1, 1, 1, 3]
+    assert found[-1].title == "mean over 3 lights, kurt, sphere"
+    assert len(places(rows([1]))) == 1
 
 
 def test_a_line_knows_its_cells_and_all_its_costs():
-    first = lines_at(places_of(grouped(rows([1]), ["rms"]))[0], "rms")[0]
+    first = lines_at(places(rows([1]))[0], "rms")[0]
 
     assert first.name == "few"
     assert first.keys == ["few-4-0", "few-16-0", "few-64-0"]
@@ -191,3 +197,138 @@ def test_points_at_the_floor_and_lines_of_one_point_are_not_interpolated():
     assert [each.name for each in table.lines] == ["floored", "other"]
     assert max(table.at) <= 10
     assert error_at_time([floored, single], Axis("rms")) is None
+
+
+# What is swept.
+
+
+def swept(cells, **shared):
+    """Rows of one method or more: of each (changes of columns, options, error)."""
+    found = []
+    for i, (columns, options, rms) in enumerate(cells):
+        row = rows([1])[0] | {"key": f"k{i}", "options": options, "rms": rms, "n_samples": options.get("samples", 1)}
+        found.append(row | shared | columns)
+    return found
+
+
+def over_s(errors, light=0):
+    """A filter's error over the exponents of materials that are otherwise one."""
+    return [
+        ({"light_options": {"seed": light}, "material_options": {"s": s, "kd": [0, 0]}}, {"mip_filter": name}, rms)
+        for name, by_s in errors.items()
+        for s, rms in by_s.items()
+    ]
+
+
+ERRORS = {"box": {1: 0.4, 4: 0.2, 16: 0.1, 64: 0.05}, "none": {1: 0.5, 4: 0.5, 16: 0.5, 64: 0.5}}
+
+
+def test_materials_that_differ_in_one_number_are_one_place_with_a_line_a_method():
+    check_material(swept(over_s(ERRORS)))
+
+
+def test_the_check_of_materials_notices_another_difference_and_a_wrong_order():
+    other = [
+        row | {"material_options": row["material_options"] | {"kd": [row["material_options"]["s"] == 4, 0]}}
+        for row in swept(over_s(ERRORS))
+    ]
+    turned = ERRORS | {"box": dict(zip(ERRORS["box"], [0.05, 0.1, 0.2, 0.4], strict=True))}
+
+    for fault in (other, swept(over_s(turned))):
+        with pytest.raises(AssertionError):
+            check_material(fault)
+
+
+def check_material(given):
+    (place,) = places(given[::-1], "material.s")  # in any order
+    lines = {line.name: line for line in lines_at(place, "rms")}
+    assert place.title == "spots, kurt, sphere"
+    assert {name.partition("mip_filter ")[2][:-1] for name in lines} == set(ERRORS)
+    for name, line in lines.items():
+        by_s = ERRORS[name.partition("mip_filter ")[2][:-1]]
+        assert dict(zip(line.x, line.errors, strict=True)) == by_s
+        assert list(line.x) == sorted(by_s)
+        keys = {row["key"]: row["material_options"]["s"] for row in given}
+        assert [keys[key] for key in line.keys] == list(line.x)
+        assert line.slope() == pytest.approx(-0.5 if by_s[64] == 0.05 else 0)
+
+
+def test_over_a_material_lights_have_a_mean():
+    given = swept(over_s(ERRORS)) + [row | {"key": row["key"] + "b"} for row in swept(
+        over_s({name: {s: 4 * rms for s, rms in by_s.items()} for name, by_s in ERRORS.items()}, light=1))]  # fmt: skip
+
+    *each, mean = places(given, "material.s")
+
+    assert len(each) == 2
+    assert mean.title == "mean over 2 lights, kurt, sphere"
+    assert lines_at(mean, "rms")[0].errors == pytest.approx(2 * np.array([0.4, 0.2, 0.1, 0.05]))
+
+
+def test_options_with_numbers_are_swept_and_the_others_tell_lines():
+    given = swept([({}, {"regions": n, "storage": kind}, 1 / n) for kind in ("cube", "map") for n in (24, 48, 96)])
+
+    (place,) = places(given, "regions")
+
+    assert [line.name for line in lines_at(place, "rms")] == ["few (storage cube)", "few (storage map)"]
+    assert [line.slope() for line in lines_at(place, "rms")] == pytest.approx([-1, -1])
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ([{"k": 1}, {"k": 2}], {"samples": 1, "k": 2}),
+        ([{"k": True}, {"k": False}], {"samples": 1}),
+        ([{"seed": 1}, {"seed": 2}], {"samples": 1}),
+        ([{"m": [0.1, 0.1]}, {"m": [0.2, 0.2]}, {"m": [0.2, 0.1]}], {"samples": 1, "m": 2}),
+        ([{"k": 1, "name": "a"}, {"k": 2, "name": "b"}], {"samples": 1, "k": 2}),  # a pair
+        ([{"k": 1, "j": 1}, {"k": 2, "j": 1}, {"k": 1, "j": 2}], {"samples": 1, "k": 2, "j": 2}),
+        ([{"samples": 4, "xi": 0.2}, {"samples": 8, "xi": 0.1}], {"samples": 2, "xi": 2}),
+    ],
+)
+def test_numbers_that_cells_differ_in_alone_are_swept(options, expected):
+    given = swept([({}, each, 0.1) for each in options])
+
+    assert {name: sweep.n_values for name, sweep in sweeps_of(grouped(given, ["rms"])).items()} == expected
+
+
+def test_what_is_tuned_is_not_swept():
+    given = swept([({"tuned": {"bias": bias}}, {"bias": bias}, 0.1) for bias in (0.1, 0.2, 0.3)])
+
+    assert list(sweeps_of(grouped(given, ["rms"]))) == ["samples"]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "claims", "first"),
+    [
+        ({"samples": 3, "k": 4}, [], "samples"),
+        ({"samples": 3, "k": 4}, [{"lower": "few"}, {"slope": "few", "over": "k"}], "k"),
+        ({"samples": 2, "k": 4, "j": 3}, [], "k"),
+        ({"k": 2}, [], "samples"),
+        ({"k": 3}, [{"slope": "few", "over": "j"}], "k"),
+    ],
+)
+def test_first_is_what_claims_ask_for_then_samples_then_the_most_values(sizes, claims, first):
+    grid = [dict(zip(sizes, values, strict=True)) for values in np.ndindex(*sizes.values())]
+    given = swept([({}, {key: int(value) + 1 for key, value in each.items()}, 0.1) for each in grid])
+
+    assert next(iter(sweeps_of(grouped(given, ["rms"]), claims))) == first
+
+
+def test_no_slope_is_fitted_where_x_is_not_positive():
+    given = swept([({}, {"bias": bias}, 0.1 * (bias + 2)) for bias in (-1, 0, 1, 2)])
+
+    (line,) = lines_at(places(given, "bias")[0], "rms")
+
+    assert list(line.x) == [-1, 0, 1, 2]
+    assert line.slope() is None
+
+
+def test_more_lines_than_colours_share_those_of_the_option_that_divides_them_most_evenly():
+    names = [(f, kind) for f in ("none", "box", "gauss", "cosine") for kind in ("cube", "map")]
+    given = swept([({}, {"filter": f, "storage": kind, "k": k}, 0.1) for f, kind in names for k in (1, 2, 3)])
+
+    labels = [line.label for line in lines_at(places(given, "k")[0], "rms")]
+
+    assert [(label.hue, label.dash) for label in labels] == [(hue, dash) for hue in range(4) for dash in range(2)]
+    few = [line.label for line in lines_at(places(given[:9], "k")[0], "rms")]
+    assert [(label.hue, label.dash) for label in few] == [(0, 0), (1, 0), (2, 0)]

@@ -151,7 +151,7 @@ def check_positions(page, report):
     cells = pd.read_parquet(report.parent / "cells.parquet")
     first = cells[(cells.reference_key == "ref0") & (cells.status == "done")]
     methods = list(dict.fromkeys(first.method))
-    for x, costs in (("samples", first.n_samples), ("shade", 1e3 * first.shade_seconds)):
+    for x, costs in (("over", first.n_samples), ("shade", 1e3 * first.shade_seconds)):
         found = sorted(points(page, x))
         expected = [
             (np.log10(cost), np.log10(rms))
@@ -175,7 +175,7 @@ def test_the_pointer_on_a_point_shows_its_cell_and_marks_it_in_every_plot(page):
 
     tip = page.text(".tip")
     assert tip.startswith("regular_sampling")
-    assert "16 light samples a pixel" in tip
+    assert "light samples a pixel: 16" in tip
     assert "shading time [ms]: 1.60" in tip
     marked = page.do("[...document.querySelectorAll('.point.active')].map((point) => point.dataset.key)")
     assert set(marked) == {"regular_sampling-16-0"}
@@ -187,7 +187,7 @@ def test_the_pointer_on_a_point_shows_its_cell_and_marks_it_in_every_plot(page):
 def test_a_click_on_a_point_and_on_a_name_asks_for_the_image(page):
     page.do("window.asked = []; document.addEventListener('open-cell', (event) => asked.push(event.detail.key)); 1")
 
-    page.click_on('.plots [data-x="samples"] .point[data-key="split_sum-4-0"]')
+    page.click_on('.plots [data-x="over"] .point[data-key="split_sum-4-0"]')
     page.click_on('#cells a.opens[data-key="regular_sampling-64-1"]')
 
     assert page.do("asked") == ["split_sum-4-0", "regular_sampling-64-1"]
@@ -195,7 +195,7 @@ def test_a_click_on_a_point_and_on_a_name_asks_for_the_image(page):
 
 def test_keys_walk_along_lines_and_between_them(page):
     page.do("window.asked = []; document.addEventListener('open-cell', (event) => asked.push(event.detail.key)); 1")
-    page.do("""document.querySelector('.plots [data-x="samples"] .point').focus()""")
+    page.do("""document.querySelector('.plots [data-x="over"] .point').focus()""")
     walked = []
     for key in ("ArrowRight", "ArrowRight", "ArrowDown", "ArrowLeft", "End", "ArrowUp"):
         page.key(key)
@@ -207,31 +207,27 @@ def test_keys_walk_along_lines_and_between_them(page):
         "regular_sampling-16-0", "regular_sampling-64-0", "filtered_importance_sampling-64-0",
         "filtered_importance_sampling-16-0", "filtered_importance_sampling-256-0", "regular_sampling-256-0",
     ]  # fmt: skip
-    assert said.startswith("regular_sampling, 256 samples, rms 0.0")
+    assert said.startswith("regular_sampling, samples 256, rms 0.0")
     assert page.do("asked") == ["regular_sampling-256-0"]
-    assert page.do("""document.querySelectorAll('.plots [data-x="samples"] .point[tabindex="0"]').length""") == 1
+    assert page.do("""document.querySelectorAll('.plots [data-x="over"] .point[tabindex="0"]').length""") == 1
 
 
 def test_a_line_goes_and_comes_by_its_key(page):
-    n = len(points(page, "samples"))
+    n = len(points(page, "over"))
 
     page.click_on(".key button")
-    without = points(page, "samples")
+    without = points(page, "over")
     pressed = page.do("document.querySelector('.key button').getAttribute('aria-pressed')")
     page.click_on(".key button")
 
     assert pressed == "false"
     assert {line for line, *_ in without} == {1, 2}
-    assert len(points(page, "samples")) == n
+    assert len(points(page, "over")) == n
 
 
 def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
-    def choose(name, value):
-        page.do(f"(() => {{ const s = document.getElementById('{name}'); s.value = '{value}'; "
-                "s.dispatchEvent(new Event('change', {bubbles: true})); })()")  # fmt: skip
-
-    choose("plot-place", 1)
-    choose("plot-metric", "max_error")
+    choose(page, "plot-place", 1)
+    choose(page, "plot-metric", "max_error")
 
     keys = page.do("[...document.querySelectorAll('.plots .point')].map((point) => point.dataset.key)")
     shown = page.do("[...document.querySelectorAll('.equal')].filter((e) => e.offsetHeight).map((e) => e.innerText)")
@@ -243,7 +239,7 @@ def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
 
 
 def test_the_pareto_front_is_ringed(page, report):
-    fronts = data_of(report.read_text(encoding="utf-8"))["places"][0]["of"]["rms"]["fronts"]
+    fronts = data_of(report.read_text(encoding="utf-8"))["sweeps"][0]["places"][0]["of"]["rms"]["fronts"]
 
     rings = page.do("""document.querySelectorAll('.plots [data-x="shade"] circle.front').length""")
 
@@ -254,7 +250,7 @@ def test_what_the_reference_cannot_resolve_is_hollow(page, report):
     cells = pd.read_parquet(report.parent / "cells.parquet")
     expected = cells[cells.at_noise_floor & (cells.reference_key == "ref0")].key.tolist()
 
-    hollow = page.do("""[...document.querySelectorAll('.plots [data-x="samples"] .point')]
+    hollow = page.do("""[...document.querySelectorAll('.plots [data-x="over"] .point')]
         .filter((point) => point.firstChild.getAttribute('fill') === 'var(--paper)')
         .map((point) => point.dataset.key)""")
 
@@ -275,12 +271,10 @@ def test_over_three_lights_a_line_has_a_band_which_the_pointer_brings_out(browse
         page.do("""(() => { const s = document.getElementById('plot-place'); s.value = s.options.length - 1;
             s.dispatchEvent(new Event('change', {bubbles: true})); })()""")
         title = page.do("document.querySelector('#plot-place option:last-of-type').text")
-        bands = page.do(
-            """[...document.querySelectorAll('.plots [data-x="samples"] .band')].map((b) => b.dataset.line)"""
-        )
-        page.do("""document.querySelector('.plots [data-x="samples"] .point[data-line="1"]').focus()""")
+        bands = page.do("""[...document.querySelectorAll('.plots [data-x="over"] .band')].map((b) => b.dataset.line)""")
+        page.do("""document.querySelector('.plots [data-x="over"] .point[data-line="1"]').focus()""")
         out = page.do(
-            """[...document.querySelectorAll('.plots [data-x="samples"] .band.active')].map((b) => b.dataset.line)"""
+            """[...document.querySelectorAll('.plots [data-x="over"] .band.active')].map((b) => b.dataset.line)"""
         )
 
         assert title == "mean over 3 lights, kurt, sphere"
@@ -288,6 +282,117 @@ def test_over_three_lights_a_line_has_a_band_which_the_pointer_brings_out(browse
         assert out == ["1"]
         assert "95 % interval" in page.text(".tip")
         assert page.complaints() == []
+
+
+# What is swept.
+
+
+@pytest.fixture(scope="module")
+def materials(tmp_path_factory):
+    """The results of two materials as three that differ in s alone; two methods have two budgets and a filter each."""
+    return html.write_report(three_materials(tmp_path_factory.mktemp("materials") / "discs", [1, 4, 64]))
+
+
+def three_materials(folder, values):
+    cells = pd.read_parquet(three_lights(folder) / "cells.parquet")
+    numbers = dict(zip(("ref0", "ref1", "ref2"), values, strict=True))
+    cells["material_options"] = [json.dumps({"s": numbers[key]}) for key in cells.reference_key]
+    cells["light_options"] = "{}"
+    cells["options"] = [
+        json.dumps({"samples": 64, "filter": "gauss"} if "-64-" in key else {"samples": 4, "filter": "box"})
+        for key in cells.key
+    ]
+    cells["tuned"] = "{}"
+    cells.to_parquet(folder / "cells.parquet")
+    return folder
+
+
+def choose(page, name, value):
+    page.do(f"(() => {{ const s = document.getElementById('{name}'); s.value = '{value}'; "
+            "s.dispatchEvent(new Event('change', {bubbles: true})); })()")  # fmt: skip
+
+
+def test_over_a_material_each_method_has_a_line_at_the_numbers_of_s(browser, materials):
+    with opened(browser, materials) as page:
+        check_over_s(page, materials, "rms")
+        assert page.do("document.getElementById('plot-over').selectedOptions[0].text") == "s of the material"
+        assert page.do("[...document.querySelectorAll('.plots figure')].filter((f) => !f.hidden).length") == 1
+
+        choose(page, "plot-metric", "shade")
+
+        check_over_s(page, materials, "shade_seconds")
+        assert page.do("document.querySelector('.plots svg .axes').lastChild.textContent") == "shading time [ms]"
+        assert page.complaints() == []
+
+
+def test_the_check_over_s_notices_the_numbers_of_another_group(browser, materials, tmp_path):
+    fault = planted(materials, tmp_path, "line.x[x][i]), v", "line.x[x][line.y.length - 1 - i]), v")
+
+    with opened(browser, fault) as page, pytest.raises(AssertionError):
+        check_over_s(page, materials, "rms")
+
+
+def check_over_s(page, report, column):
+    cells = pd.read_parquet(report.parent / "cells.parquet").query("status == 'done'").set_index("key")
+    found = page.do("""[...document.querySelectorAll('.plots [data-x="over"] .point')].map((point) => [
+        point.dataset.key, ...point.getAttribute('transform').match(/[-\\d.]+/g).map(Number)])""")
+    assert {key for key, *_ in found} == set(cells.index)
+    numbers = [json.loads(cells.material_options[key])["s"] for key, *_ in found]
+    for axis, values in ((1, numbers), (2, [cells[column][key] for key, *_ in found])):
+        positions, logs = np.array([row[axis] for row in found]), np.log10(values)
+        slope, offset = np.polyfit(logs, positions, 1)
+        assert slope * (-1) ** (axis - 1) > 10  # pixels a decade; y goes down the screen
+        assert np.abs(positions - slope * logs - offset).max() < 0.1  # written with one decimal
+
+
+def test_keys_walk_through_groups_and_open_the_cell_of_each(browser, materials):
+    with opened(browser, materials) as page:
+        page.do("window.asked = []; document.addEventListener('open-cell', (e) => asked.push(e.detail.key)); 1")
+        page.do("""document.querySelector('.plots [data-x="over"] .point').focus()""")
+        walked = []
+        for key in ("ArrowRight", "ArrowRight", "ArrowLeft"):
+            page.key(key)
+            walked.append(page.do("document.activeElement.dataset.key"))
+        said = page.text(".tip")
+        page.key("Enter")
+
+        assert walked == ["regular_sampling-4-1", "regular_sampling-4-0-third", "regular_sampling-4-1"]
+        assert "s of the material: 4" in said
+        assert page.do("asked") == ["regular_sampling-4-1"]
+
+
+def test_a_box_takes_the_lines_of_a_value_away_and_back(browser, materials):
+    with opened(browser, materials) as page:
+        lines = page.do("[...document.querySelectorAll('.key button')].map((button) => button.innerText)")
+        n = len(points(page, "over"))
+
+        page.click_on("#plot-options label:last-of-type input")
+        without = page.do("[...document.querySelectorAll('.key button')].map((button) => button.innerText)")
+        shown = len(points(page, "over"))
+        page.click_on("#plot-options label:last-of-type input")
+
+        assert [line for line in lines if "samples 64" not in line] == without
+        assert shown == 3 * len(without) < n == len(points(page, "over"))
+
+
+def test_over_samples_each_material_is_a_place_with_costs(browser, materials):
+    with opened(browser, materials) as page:
+        choose(page, "plot-over", page.do("[...document.querySelectorAll('#plot-over option')].at(-1).value"))
+        title = page.do("document.getElementById('plot-place').selectedOptions[0].text")
+        keys = page.do("[...document.querySelectorAll('.plots .point')].map((point) => point.dataset.key)")
+        n = page.do("[...document.querySelectorAll('.plots figure')].filter((f) => !f.hidden).length")
+
+        assert title == "spots, kurt (s 1), sphere"
+        assert {key[-2:] for key in keys} == {"-0"}
+        assert n == 6
+
+
+def test_an_axis_is_linear_where_a_value_is_not_positive(browser, tmp_path):
+    with opened(browser, html.write_report(three_materials(tmp_path / "zero", [0, 1, 3]))) as page:
+        across = sorted({x for _, _, x, _ in points(page, "over")})
+
+        assert (across[2] - across[0]) / (across[1] - across[0]) == pytest.approx(3, abs=0.01)
+        assert "slope" not in page.text(".key")
 
 
 def three_lights(folder):

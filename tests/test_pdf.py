@@ -11,6 +11,7 @@ import pypdfium2.raw as pdfium
 import pytest
 import yaml
 from PIL import Image
+from test_page import three_materials
 from test_reports import CLAIMS, METHODS, SCRIPT, N, read_exr, write_results
 
 from glossbench.errors import InputError
@@ -285,6 +286,23 @@ def test_a_crop_is_found_to_the_pixel(size):
         assert crops_of([error], np.ones(size, bool), 1.0, 1) == [Crop(x, y, side, side)]
 
 
+def test_what_a_study_sweeps_is_plotted_first(tmp_path):
+    text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())
+
+    assert "spots, kurt, sphere: rms over s of the material" in text
+    assert text.index("rms over s of the material") < text.index("rms over samples and costs")
+
+
+def test_convergence_is_over_what_it_is_told_and_else_over_what_the_study_sweeps(tmp_path):
+    folder = three_materials(tmp_path / "materials", [1, 4, 64])
+
+    for name, options in (("s of the material", {}), ("light samples", {"over": "samples", "group": 2})):
+        single_figures.convergence(folder, tmp_path / "f.pdf", **options)
+        assert name in text_of((tmp_path / "f.pdf").read_bytes())
+    single_figures.convergence(folder, tmp_path / "f.pdf", metric="shade")
+    assert "shading time [ms]" in text_of((tmp_path / "f.pdf").read_bytes())
+
+
 FIGURES = {
     "answer": {}, "crops": {"group": 2, "crop": [(4, 8, 20, 30), (30, 30, 16, 16)]}, "images": {"group": 1},
     "convergence": {"group": 1}, "costs": {"group": 2, "metric": "max_error"}, "profile": {"group": 1},
@@ -353,6 +371,7 @@ def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path
         ("images", {"group": 1}, "a.jpg", "the extension must be .pdf, .svg or .png, got '.jpg'"),
         ("images", {}, "a.pdf", r"which light, material and view\? --group must be one of 1: spots, kurt"),
         ("images", {"group": 3}, "a.pdf", "--group must be one of 1: .*; 2: .*, got 3"),
+        ("convergence", {"group": 1, "over": "s"}, "a.pdf", "sweeps no 's': --over must be one of samples$"),
         ("costs", {"group": 1, "metric": "rns"}, "a.pdf", "has no metric 'rns'; did you mean 'rms'?"),
         ("crops", {"group": 1, "crop": [(60, 0, 5, 5)]}, "a.pdf", "must lie within 64 x 64 pixels, got 60,0,5,5"),
     ],

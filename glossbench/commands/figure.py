@@ -24,6 +24,10 @@ def figure(
     ] = None,
     group: Annotated[int | None, typer.Option(help="Which light, material and view, from 1 on.")] = None,
     metric: Annotated[str | None, typer.Option(help="Of errors; else the study's first, or the signed error.")] = None,
+    over: Annotated[
+        str | None,
+        typer.Option(help="What convergence is plotted over: samples, regions, material.s; as the report has it."),
+    ] = None,
     crop: Annotated[
         list[str] | None,
         typer.Option(metavar="X,Y,WIDTH,HEIGHT", help="A window in pixels, as in the viewer's address; repeatable."),
@@ -39,7 +43,7 @@ def figure(
         return
     if name not in figures:
         raise InputError(f"no figure is called {name!r}{nearest(name, figures)}")
-    given = {"group": group, "metric": metric, "crop": [_window(text) for text in crop or ()] or None}
+    given = {"group": group, "metric": metric, "over": over, "crop": [_window(text) for text in crop or ()] or None}
     told = {option: value for option, value in given.items() if value is not None}
     if not_taken := sorted(set(told) - set(signature(figures[name]).parameters)):
         raise InputError(f"the figure {name} takes no --{not_taken[0]}")

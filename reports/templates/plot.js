@@ -19,21 +19,26 @@ function svgElement(name, attributes = {}, ...children) {
   return made;
 }
 
+const DASHES = ["none", "7 2", "2 2", "8 2 2 2"];
+
 function markerPath(index) {
   return MARKERS[index % MARKERS.length];
 }
 
-// `data` is one place under one metric; `shown` says which of its lines are; `x` names the quantity across.
+// `data` is one place under one metric or cost; `shown` says which of its lines are; `x` names the quantity across,
+// which is "over" for what is swept.
 function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
   const lines = data.lines.filter((line) => shown(line));
-  const visible = (line, i) => line.y[i] !== null && line.x[x][i] !== null && (line.y[i] > 0 || !data.isLog);
+  const visible = (line, i) => line.y[i] !== null && line.x[x][i] !== null && (line.y[i] > 0 || !data.isLog || data.isCost);
   const indices = (line) => line.y.map((_, i) => i).filter((i) => visible(line, i));
-  const across = lines.flatMap((line) => indices(line).map((i) => line.x[x][i]));
+  const across = [...new Set(lines.flatMap((line) => indices(line).map((i) => line.x[x][i])))];
   const up = lines.flatMap((line) => indices(line).map((i) => line.y[i]));
   const floor = data.isLog ? 2 * data.noise : 0;
   const showsFloor = up.length > 0 && floor > Math.min(...up) / 30;
   const area = { left: MARGIN.left, right: width - MARGIN.right, top: MARGIN.top, bottom: height - MARGIN.bottom };
-  const horizontal = logScale(across, [area.left, area.right]);
+  const isLinear = x === "over" && data.isLinear;
+  const horizontal = (isLinear ? linearScale : logScale)(across.length ? across : [1], [area.left, area.right]);
+  if (x === "over" && !isLinear && fit(horizontal, across)) Object.assign(horizontal, { major: across, minor: [] });
   const vertical = (data.isLog ? logScale : linearScale)(
     up.length ? [...up, ...(showsFloor ? [floor] : [])] : [1], [area.bottom, area.top], 1.6);
   const place = (line, i) => [horizontal.at(line.x[x][i]), vertical.at(line.y[i])];
@@ -59,7 +64,7 @@ function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
     const colour = colourOf(line, colours);
     if (points.length > 1) {
       const d = points.map((i) => place(line, i).map((v) => v.toFixed(1)).join(" ")).join("L");
-      svg.append(svgElement("path", { class: "line", d: "M" + d, stroke: colour }));
+      svg.append(svgElement("path", { class: "line", d: "M" + d, stroke: colour, "stroke-dasharray": dashOf(line) }));
     }
     for (const i of points) {
       const [px, py] = place(line, i);
@@ -79,7 +84,11 @@ function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
 }
 
 function colourOf(line, colours) {
-  return colours[line.index % colours.length];
+  return colours[line.hue % colours.length];
+}
+
+function dashOf(line) {
+  return DASHES[line.dash % DASHES.length];
 }
 
 function axes(horizontal, vertical, area, below, above) {
@@ -99,6 +108,12 @@ function axes(horizontal, vertical, area, below, above) {
   }
   group.append(text(area.right, area.bottom + 32, below, "end"), text(4, 12, above, "start"));
   return group;
+}
+
+// Whether there is room for a tick at each value of what is swept.
+function fit({ at }, values) {
+  const places = values.map(at).sort((a, b) => a - b);
+  return places.every((x, i) => i === 0 || x - places[i - 1] > 36);
 }
 
 function text(x, y, content, anchor) {

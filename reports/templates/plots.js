@@ -5,33 +5,49 @@ function openCell(key) {
 }
 
 function plots() {
-  const { places, metrics, quantities, colours } = JSON.parse(document.getElementById("plot-data").textContent);
+  const { sweeps, metrics, costs, colours } = JSON.parse(document.getElementById("plot-data").textContent);
   const container = document.getElementById("plots-drawn");
-  if (!container || !places.length || !metrics.length) return;
-  const controls = document.getElementById("plot-controls");
-  const place = document.getElementById("plot-place");
-  const metric = document.getElementById("plot-metric");
-  const key = document.getElementById("plot-key");
-  const nothing = document.getElementById("plot-nothing");
-  const hidden = new Set(); // indices of lines, which are the same in every place
+  if (!container || !metrics.length) return;
+  const [controls, over, place, metric, key, nothing] = ["controls", "over", "place", "metric", "key", "nothing"].map(
+    (name) => document.getElementById(`plot-${name}`));
+  const options = document.getElementById("plot-options");
+  const hidden = new Set(); // indices of lines, which are the same in every place of a sweep
+  const without = new Set(); // values of options whose lines are out of plots and key
 
-  const swept = places.some(({ of }) => Object.values(of).some(({ lines }) =>
-    lines.some((line) => new Set(line.x.samples).size > 1)));
-  const drawn = Object.entries(quantities).filter(([name]) => name !== "samples" || swept);
-  const figures = drawn.map(([name, label]) => {
+  const figures = ["over", ...Object.keys(costs)].map((name) => {
     const figure = document.createElement("figure");
     figure.dataset.x = name;
-    figure.className = name === "samples" || name === "shade" ? "large" : "small";
     container.append(figure);
-    return { name, label, figure };
+    return { name, figure };
   });
 
-  const chosen = () => places[Number(place.value)].of[metric.value];
+  const swept = () => sweeps[Number(over.value)];
+  const titleOf = (x) => (x === "over" ? swept().title : costs[x]);
+
+  // The place under the metric; or under a cost, which is another number of the same cells.
+  const chosen = () => {
+    const { of } = swept().places[Number(place.value)];
+    const y = metric.value;
+    const found = of[y in costs ? metrics[0] : y];
+    const data = { ...found, lines: found.lines.map((line) => ({ ...swept().labels[line.index], ...line })) };
+    const isLinear = swept().name !== "samples" && data.lines.some((line) => line.x.over.some((value) => value <= 0));
+    const slope = (line) => line.slopes[y in costs ? y : ""];
+    if (!(y in costs)) return { ...data, isLinear, slope };
+    const lines = data.lines.map((line) => ({ ...line, y: line.x[y], floor: [], low: null, high: null }));
+    return { label: costs[y], noise: 0, isLog: true, isCost: true, fronts: {}, lines, isLinear, slope };
+  };
+
+  const isIn = (line) => Object.entries(line.options).every((option) => !without.has(option.join(" ")));
+
+  const isHidden = (x, data) => {
+    if (x === "over") return !swept().isSwept && !data.isCost;
+    return data.isCost || swept().kind !== "" || data.lines.every((line) => line.x[x].every((value) => value === 0));
+  };
 
   const describe = (line, i, x) => {
     const size = line.floor[i] ? "at the noise floor" : `${metric.value} ${number(line.y[i])}`;
-    const cost = x === "samples" ? "" : `, ${quantities[x]} ${number(line.x[x][i])}`;
-    return `${line.name}, ${line.x.samples[i]} samples, ${size}${cost}`;
+    const cost = x === "over" ? "" : `, ${costs[x]} ${number(line.x[x][i])}`;
+    return `${line.name}, ${swept().name} ${tick(line.x.over[i])}, ${size}${cost}`;
   };
 
   const tipOf = (point) => {
@@ -42,27 +58,32 @@ function plots() {
     const size = line.floor[i]
       ? `at the noise floor: ${metric.value} at most about ${number(2 * data.noise, 2)}`
       : `${data.label}: ${number(line.y[i])}`;
-    const rows = [[line.name, "name"], [`${line.x.samples[i]} light samples a pixel`], [size]];
+    const rows = [[line.name, "name"], [`${swept().title}: ${tick(line.x.over[i])}`], [size]];
     if (line.low) rows.push([`95 % interval ${number(line.low[i])} to ${number(line.high[i])}`]);
     if (data.noise > 0) rows.push([`noise of the reference: ${number(data.noise, 2)}`]);
-    rows.push([`${quantities.shade}: ${number(line.x.shade[i])}`]);
-    if (x !== "samples" && x !== "shade") rows.push([`${quantities[x]}: ${number(line.x[x][i])}`]);
+    const shown = new Set(["shade", x].filter((cost) => cost !== "over" && cost !== metric.value));
+    for (const cost of shown) rows.push([`${costs[cost]}: ${number(line.x[cost][i])}`]);
     if (point.dataset.key) rows.push(["click for its image", "hint"]);
     return rows;
   };
 
   const draw = () => {
     const data = chosen();
-    for (const { name, label, figure } of figures) {
-      const width = Math.max(220, Math.floor(figure.clientWidth));
-      const height = Math.round(figure.className === "large" ? Math.min(380, width * 0.72) : Math.min(260, width * 0.8));
-      figure.hidden = data.lines.every((line) => line.x[name].every((value) => value === 0));
+    const isAlone = figures.slice(1).every(({ name }) => isHidden(name, data));
+    for (const { name, figure } of figures) {
+      figure.hidden = isHidden(name, data);
       if (figure.hidden) continue;
+      const isLarge = name === "over" || name === "shade";
+      figure.className = name === "over" && isAlone ? "whole" : isLarge ? "large" : "small";
+      const width = Math.max(220, Math.floor(figure.clientWidth));
+      const height = Math.round(isLarge ? Math.min(isAlone ? 460 : 380, width * 0.72) : Math.min(260, width * 0.8));
       const svg = drawPlot({
-        data, x: name, label, colours, width, height, describe, shown: (line) => !hidden.has(line.index) });
+        data, x: name, label: titleOf(name), colours, width, height, describe, 
+        shown: (line) => !hidden.has(line.index) && isIn(line) });
       figure.replaceChildren(svg);
     }
-    const free = figures.filter(({ figure }) => figure.hidden).map(({ label }) => label.replace(/ \[.*/, ""));
+    const free = isAlone ? [] : figures.filter(({ figure }) => figure.hidden && figure.dataset.x !== "over")
+      .map(({ name }) => costs[name].replace(/ \[.*/, ""));
     nothing.textContent = free.length ? `No cost at all, for any line: ${free.join(", ")}.` : "";
   };
 
@@ -70,33 +91,63 @@ function plots() {
   const choose = () => {
     draw();
     const data = chosen();
-    key.replaceChildren(...data.lines.map(keyOf), ...floorKey(data));
+    key.replaceChildren(...data.lines.filter(isIn).map((line) => keyOf(line, data.slope(line))), ...floorKey(data));
     for (const table of document.querySelectorAll(".equal")) {
-      table.hidden = table.dataset.place !== place.value || table.dataset.metric !== metric.value;
+      table.hidden = swept().name !== "samples" || table.dataset.place !== place.value
+        || table.dataset.metric !== metric.value;
     }
   };
 
-  const keyOf = (line) => {
+  const chooseOver = () => {
+    hidden.clear();
+    without.clear();
+    options.replaceChildren(...optionsOf(Object.values(swept().labels)));
+    place.replaceChildren(...swept().places.map(({ title }, i) => new Option(title, i)));
+  };
+
+  // Where lines differ in two options or more, a box for each value: without it, its lines are away.
+  const optionsOf = (labels) => {
+    const values = {};
+    for (const label of labels) {
+      for (const [name, value] of Object.entries(label.options)) (values[name] ??= new Set()).add(value);
+    }
+    const several = Object.entries(values).filter(([, { size }]) => size > 1);
+    return several.length < 2 ? [] : several.map(([name, each]) => {
+      const group = document.createElement("span");
+      group.setAttribute("role", "group");
+      group.setAttribute("aria-label", name);
+      group.append(name, ...[...each].map((value) => {
+        const label = document.createElement("label");
+        const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: true });
+        box.addEventListener("change", () => without[box.checked ? "delete" : "add"](`${name} ${value}`));
+        label.append(box, value);
+        return label;
+      }));
+      return group;
+    });
+  };
+
+  const keyOf = (line, fitted) => {
     const item = document.createElement("li");
     const button = document.createElement("button");
     button.type = "button";
     button.setAttribute("aria-pressed", String(!hidden.has(line.index)));
     const colour = colourOf(line, colours);
     button.append(
-      svgElement("svg", { viewBox: "-12 -7 24 14", width: 24, height: 14, "aria-hidden": "true" },
-        svgElement("path", { d: "M-12 0H12", stroke: colour, "stroke-width": 1.5 }),
+      svgElement("svg", { viewBox: "-15 -7 30 14", width: 30, height: 14, "aria-hidden": "true" },
+        svgElement("path", { d: "M-15 0H15", stroke: colour, "stroke-width": 1.5, "stroke-dasharray": dashOf(line) }),
         svgElement("path", { d: markerPath(line.index), transform: `scale(${SIZE})`, fill: colour })),
       line.name);
-    if (line.slope !== null) {
+    if (fitted !== null) {
       const slope = document.createElement("span");
       slope.className = "quiet";
-      slope.textContent = ` slope ${number(line.slope)}`;
+      slope.textContent = ` slope ${number(fitted)}`;
       button.append(slope);
     }
     button.addEventListener("click", () => {
       hidden.has(line.index) ? hidden.delete(line.index) : hidden.add(line.index);
       choose();
-      key.children[chosen().lines.indexOf(line)]?.firstChild.focus();
+      key.children[chosen().lines.filter(isIn).findIndex(({ index }) => index === line.index)]?.firstChild.focus();
     });
     item.append(button);
     return item;
@@ -106,15 +157,18 @@ function plots() {
     if (!data.isLog || !(data.noise > 0)) return [];
     const item = document.createElement("li");
     item.className = "quiet floor-key";
-    item.textContent = `twice the reference's noise: ${number(2 * data.noise, 2)}`;
+    const atMost = swept().kind ? "at most " : "";
+    item.textContent = `twice the reference's noise: ${atMost}${number(2 * data.noise, 2)}`;
     return [item];
   };
 
   controls.hidden = false;
   document.getElementById("plot-note").hidden = false;
   followPoints(container, tipOf, openCell);
+  over.addEventListener("change", chooseOver);
   controls.addEventListener("change", choose);
   controls.addEventListener("submit", (event) => event.preventDefault());
+  chooseOver();
   choose();
   let width = container.clientWidth;
   new ResizeObserver(() => {

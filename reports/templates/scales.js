@@ -12,7 +12,7 @@ function logScale(values, [from, to], margin = 1.5) {
   const at = (value) =>
     value === 0 ? from + (ZERO_SLOT / 3) * Math.sign(to - from)
       : start + ((to - start) * Math.log(value / low)) / Math.log(high / low);
-  const { major, minor } = logTicks(low, high, Math.abs(to - start));
+  const { major, minor } = positive.length ? logTicks(low, high, Math.abs(to - start)) : { major: [], minor: [] };
   return { at, low, high, hasZero, major: hasZero ? [0, ...major] : major, minor };
 }
 

@@ -1,0 +1,209 @@
+"""What a study sweeps: the numbers that its cells differ in alone, and the places where lines are compared."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from .cells import KINDS, Cell, Group, as_text, identity, names_of, told_apart
+from .figures import COLOURS
+
+SAMPLES = "samples"
+FEWEST = 3  # values that make a quantity what a study is about
+ASIDE = (SAMPLES, "seed")  # numbers that are no quantity of their own: no plot over a seed says anything
+
+
+@dataclass(frozen=True)
+class Label:
+    """What tells a line from others: its name, and how it looks.
+
+    Attributes:
+        index: its place in the study, which gives the marker.
+        hue: gives the colour; where there are more lines than colours, one for those of a method that share the value
+            of the option that divides them the most evenly.
+        dash: its place among the lines of one hue.
+        options: those in its name, as text.
+    """
+
+    name: str
+    index: int
+    hue: int
+    dash: int = 0
+    options: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """A number that cells differ in alone: light samples, an option of methods, a parameter of light, material or view.
+
+    Attributes:
+        name: "samples", the option, or as "material.s" the parameter.
+        labels: by key of a cell that of its line.
+        n_values: the most that a line has; 1 where nothing is swept.
+    """
+
+    name: str
+    labels: Mapping[str, Label]
+    n_values: int = 1
+
+    @property
+    def kind(self) -> str:
+        """Of light, material and view the one that is swept; "" for samples and options."""
+        return self.name.partition(".")[0] if "." in self.name else ""
+
+    @property
+    def parameter(self) -> str:
+        """The name of the number in its light, material, view or method."""
+        return self.name.removeprefix(f"{self.kind}.")
+
+    @property
+    def title(self) -> str:
+        """As an axis has it."""
+        if self.name == SAMPLES:
+            return "light samples a pixel"
+        return f"{self.parameter} of the {self.kind}" if self.kind else self.name
+
+    def value(self, row: Mapping[str, Any]) -> float | None:
+        """Of a cell; None where it has no such number."""
+        return number_of(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
+
+    def point(self, row: Mapping[str, Any]) -> tuple[int, Any]:
+        """What the same cell under another light has in common with it: its line and what was asked of it."""
+        asked = row["options"].get(SAMPLES, row["n_samples"]) if self.name == SAMPLES else self.value(row)
+        return self.labels[row["key"]].index, asked
+
+
+class Place(NamedTuple):
+    """Where lines are compared: one condition, or the mean over several lights.
+
+    Attributes:
+        lights: of each light its groups: one, or where a parameter is swept those that differ in nothing else.
+    """
+
+    title: str
+    sweep: Sweep
+    lights: Sequence[Sequence[Group]]
+
+    @property
+    def groups(self) -> list[Group]:
+        """All of them."""
+        return [group for groups in self.lights for group in groups]
+
+
+def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ()) -> dict[str, Sweep]:
+    """By name what a study sweeps, and samples in any case; first what a report shows unasked.
+
+    That is, of what has three values or more, what the study's claims fit a slope over; else samples; else what has the
+    most.
+    """
+    rows = [cell.row for group in groups for cell in group.done]
+    found = []
+    for name in [SAMPLES, *_candidates(rows)]:
+        sweep = Sweep(name, _labels(groups, name))
+        n_values = max((_n_values(place) for place in places_of(groups, sweep)), default=1)
+        if n_values > 1 or name == SAMPLES:
+            found.append(Sweep(name, sweep.labels, n_values))
+    wanted = [*(claim["over"] for claim in claims if "over" in claim), SAMPLES]
+
+    def rank(sweep: Sweep) -> tuple[int, int, bool]:
+        if sweep.n_values < FEWEST:
+            return len(wanted) + 1, 0, sweep.name != SAMPLES
+        return wanted.index(sweep.name) if sweep.name in wanted else len(wanted), -sweep.n_values, False
+
+    return {sweep.name: sweep for sweep in sorted(found, key=rank)}
+
+
+def along(sweeps: Mapping[str, Sweep]) -> Sweep:
+    """What the points of a line differ in where errors are plotted against costs: the first under one condition."""
+    return next(sweep for sweep in sweeps.values() if not sweep.kind)
+
+
+def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
+    """Groups by what else than the swept quantity they are of, and means over the lights of each material and view."""
+    rows = [cell.row for group in groups for cell in group.cells]
+    without = {kind: sweep.parameter if kind == sweep.kind else "" for kind in KINDS}
+    names = {kind: names_of(kind, rows, without[kind]) for kind in KINDS}
+    alike: dict[tuple[str, ...], list[Group]] = {}
+    for group in groups:
+        alike.setdefault(tuple(identity(kind, group.cells[0].row, without[kind]) for kind in KINDS), []).append(group)
+    found, shared = [], dict[str, list[list[Group]]]()
+    for key, members in alike.items():
+        light, *others = (names[kind][each] for kind, each in zip(KINDS, key, strict=True))
+        place = Place(", ".join([light, *others]), sweep, [members])
+        if sweep.kind and _n_values(place) < 2:
+            continue
+        found.append(place)
+        shared.setdefault(", ".join(others), []).append(members)
+    means = [
+        Place(f"mean over {len(lights)} lights, {others}", sweep, lights)
+        for others, lights in shared.items()
+        if len(lights) > 1
+    ]
+    return [*found, *means]
+
+
+def number_of(value: Any) -> float | None:
+    """A number as itself, and a list of one number alone, such as the m of an isotropic lobe; else None."""
+    if isinstance(value, list) and value and all(each == value[0] for each in value):
+        return number_of(value[0])
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _options(row: Mapping[str, Any], kind: str) -> Mapping[str, Any]:
+    options: Mapping[str, Any] = row[f"{kind}_options" if kind else "options"]
+    return options
+
+
+def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Options and parameters that have more than one number; none that was tuned."""
+    numbers: dict[str, set[float]] = {}
+    for row in rows:
+        for kind in ("", *KINDS):
+            for key, value in _options(row, kind).items():
+                number = number_of(value)
+                if number is not None and key not in ASIDE and not (kind == "" and key in row["tuned"]):
+                    numbers.setdefault(f"{kind}.{key}" if kind else key, set()).add(number)
+    return [name for name, values in numbers.items() if len(values) > 1]
+
+
+def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
+    """By key of each cell the label of its line, which is a method with the options that tell it from others."""
+    cells = sorted((cell for group in groups for cell in group.cells), key=lambda cell: cell.index)
+    methods: dict[str, list[Cell]] = {}
+    for cell in cells:
+        methods.setdefault(cell.row["method"], []).append(cell)
+    names: dict[str, str] = {}  # by key of a cell
+    lines: dict[str, tuple[str, dict[str, str]]] = {}  # by name the method and the options
+    for method, own in methods.items():
+        _, told = told_apart([cell.row for cell in own], over)
+        for cell in own:
+            options = {key: as_text(cell.row["options"].get(key)) for key in told}
+            text = ", ".join(f"{key} {value}" for key, value in options.items())
+            names[cell.row["key"]] = name = f"{method} ({text})" if text else method
+            lines[name] = method, options
+    labels: dict[str, Label] = {}
+    hues: dict[Any, int] = {}
+    for name, (method, options) in lines.items():
+        leading = _leading([each for other, each in lines.values() if other == method])
+        alike = (method, options.get(leading)) if len(lines) > len(COLOURS) else name
+        hue = hues.setdefault(alike, len(hues))
+        dash = sum(label.hue == hue for label in labels.values())
+        labels[name] = Label(name, len(labels), hue, dash, options)
+    return {key: labels[name] for key, name in names.items()}
+
+
+def _leading(lines: Sequence[Mapping[str, str]]) -> str:
+    """The option that divides lines the most evenly: no value of it has as many lines as one of another option."""
+    most = {key: max(Counter(line[key] for line in lines).values()) for key in lines[0]}
+    return min(most, key=lambda key: most[key], default="")
+
+
+def _n_values(place: Place) -> int:
+    """The most values of the swept quantity that a line has at a place."""
+    values: dict[int, set[float]] = {}
+    for group in place.lights[0]:
+        for cell in group.done:
+            value = place.sweep.value(cell.row)
+            if value is not None:
+                values.setdefault(place.sweep.point(cell.row)[0], set()).add(value)
+    return max(map(len, values.values()), default=0)
