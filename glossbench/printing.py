@@ -7,6 +7,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from glossbench.rows import KINDS, identity, listed, names_of, parsed, told_apart
+
 if TYPE_CHECKING:
     import pandas
 
@@ -33,33 +35,33 @@ def print_rows(rows: dict[str, str]) -> None:
 
 
 def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
-    """The cells of a run, a row each."""
+    """The cells of a run, a row each: names with the options that tell them apart."""
+    rows = [parsed(row) for row in cells.to_dict("records")]
+    names = {kind: names_of(kind, rows) for kind in KINDS}
+    kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
+    told = {row["method"]: told_apart([other for other in rows if other["method"] == row["method"]])[1] for row in rows}
     table = Table(box=None, pad_edge=False)
-    for heading in ("light", "material", "method", "samples", *metrics, "shade ms"):
-        table.add_column(heading, justify="left" if heading in ("light", "material", "method") else "right")
-    for row in cells.to_dict("records"):
+    for heading in (*kinds, "method"):
+        table.add_column(heading)
+    for heading in ("samples", *metrics, "shade ms"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        options = listed({key: row["options"].get(key) for key in told[row["method"]]})
+        method = f"{row['method']} ({options})" if options else row["method"]
+        named = [Text(name) for name in (*(names[kind][identity(kind, row)] for kind in kinds), method)]
         if row["status"] != "done":
-            table.add_row(row["light"], row["material"], row["method"], row["status"])
+            table.add_row(*named, row["status"])
             continue
         numbers = [
             "floor" if row["at_noise_floor"] and name != "mean_error" else f"{row[name]:.4g}" for name in metrics
         ]
-        material = f"{row['material']} {_short(row['material_options'])}"
-        table.add_row(row["light"], material, row["method"], str(row["n_samples"]), *numbers,
-                      f"{1000 * row['shade_seconds']:.1f}")  # fmt: skip
+        table.add_row(*named, str(row["n_samples"]), *numbers, f"{1000 * row['shade_seconds']:.1f}")
     # Numbers that a narrow window, or a file, would cut are of no use.
     needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
     Console(width=max(needed, out.width)).print(table, soft_wrap=True)
-    for row in cells[cells["status"] != "done"].to_dict("records"):
-        say(f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}")
-
-
-def _short(options: str) -> str:
-    """The first option that tells materials apart at a glance: its widths."""
-    values = json.loads(options)
-    value = values.get("m", values.get("alpha"))
-    widths = value if isinstance(value, list) else [] if value is None else [value]
-    return " ".join(f"{width:g}" for width in (widths[:1] if len(set(widths)) == 1 else widths))
+    for row in rows:
+        if row["status"] != "done":
+            say(f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}")
 
 
 def print_verdicts(claims: list[dict[str, Any]]) -> None:

@@ -1,17 +1,12 @@
 """The cells of a study as a report shows them: grouped by what they share, named by what tells them apart."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any
 
-import numpy as np
-
 from glossbench.metrics import METRICS
-
-KINDS = ("light", "material", "view")
-JSON = (*(f"{kind}_options" for kind in KINDS), "options", "tuned", "stage_seconds", "update_seconds", "notes")
+from glossbench.rows import KINDS, identity, listed, names_of, told_apart
 
 
 @dataclass(frozen=True)
@@ -66,14 +61,6 @@ class Group:
         return [cell for cell in self.cells if cell.done]
 
 
-def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row with None for what is missing and values for what is JSON."""
-    parsed = {key: None if isinstance(v, float) and np.isnan(v) else v for key, v in row.items()}
-    for key in JSON:
-        parsed[key] = json.loads(parsed.get(key) or "{}")
-    return parsed
-
-
 def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Group]:
     """Cells by light, material and view, in the order of the study."""
     cells = _cells(rows)
@@ -93,37 +80,6 @@ def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Grou
     return found
 
 
-def told_apart(rows: Sequence[Mapping[str, Any]], over: str = "samples") -> tuple[list[str], list[str]]:
-    """Options that tell the cells of one method apart, beside that which a plot is over; and without what it decides.
-
-    Tuned options tell nothing, nor do those that are the number of samples by another name, where that is plotted over.
-    """
-    options = [row["options"] for row in rows]
-    aside = {over} | {key for row in rows for key in row["tuned"]}
-    if over == "samples":
-        done = [(row["options"], row["n_samples"]) for row in rows if row["status"] == "done"]
-        aside |= {key for key in _differing(options) if done and all(each.get(key) == n for each, n in done)}
-    told = [key for key in _differing(options) if key not in aside]
-    return told, [key for key in told if not _follows(key, over, options)]
-
-
-def identity(kind: str, row: Mapping[str, Any], without: str = "") -> str:
-    """What a light, material or view is, one of its parameters aside."""
-    options = {key: value for key, value in row[f"{kind}_options"].items() if key != without}
-    return json.dumps([row[kind], options], sort_keys=True)
-
-
-def names_of(kind: str, rows: Sequence[Mapping[str, Any]], without: str = "") -> dict[str, str]:
-    """By identity the name of each light, material or view, with the options in which those of one name differ."""
-    known = {identity(kind, row, without): row for row in rows}
-    named = {}
-    for key, row in known.items():
-        alike = [other[f"{kind}_options"] for other in known.values() if other[kind] == row[kind]]
-        text = listed({key: row[f"{kind}_options"].get(key) for key in _differing(alike) if key != without})
-        named[key] = f"{row[kind]} ({text})" if text else str(row[kind])
-    return named
-
-
 def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
     """Rows as cells, each with the options that tell it from others of its method."""
     methods = dict.fromkeys(row["method"] for row in rows)
@@ -135,33 +91,6 @@ def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
         index = order.setdefault((row["method"], line), len(order))
         cells.append(Cell(row, options, index, line))
     return cells
-
-
-def _follows(key: str, over: str, options: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether one option alone decides another, as where a study pairs them: then that tells no two lines apart."""
-    values: dict[str, set[str]] = {}
-    for each in options:
-        values.setdefault(json.dumps(each.get(over)), set()).add(json.dumps(each.get(key)))
-    return len(values) > 1 and all(len(found) == 1 for found in values.values())
-
-
-def _differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Keys, in order, whose value is not the same in all."""
-    keys = dict.fromkeys(key for each in options for key in each)
-    return [key for key in keys if len({json.dumps(each.get(key)) for each in options}) > 1]
-
-
-def listed(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} {as_text(value)}" for key, value in options.items())
-
-
-def as_text(value: Any) -> str:
-    """The value of an option, as names have it."""
-    if isinstance(value, float):
-        return f"{value:.4g}".replace("-", "−")
-    if isinstance(value, list):
-        return f"[{', '.join(as_text(each) for each in value)}]"
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _best(metric: str, rows: Sequence[Mapping[str, Any]]) -> frozenset[str]:

@@ -12,10 +12,11 @@ from markupsafe import Markup, escape
 from glossbench.citations import cited_by
 from glossbench.metrics import METRICS
 from glossbench.results import Results, replacing
+from glossbench.rows import listed, parsed
 
 from . import figures, pictures
 from .answer import answer_of, drawn
-from .cells import Cell, Group, grouped, listed, parsed
+from .cells import Cell, Group, grouped
 from .descriptions import described
 from .equal import error_at_time, time_at_error
 from .images import MOST_PICTURES, chosen, pictures_of

@@ -11,9 +11,10 @@ from glossbench.atomic import replacing
 from glossbench.citations import cited_by
 from glossbench.metrics import METRICS
 from glossbench.results import Results
+from glossbench.rows import listed, parsed
 
 from .answer import Answer, answer_of
-from .cells import Group, grouped, listed, parsed
+from .cells import Group, grouped
 from .descriptions import described
 from .equal import error_at_time, time_at_error
 from .images import MOST_PICTURES, chosen

@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from glossbench.metrics import METRICS
+from glossbench.rows import listed
 
-from .cells import Cell, Group, listed
+from .cells import Cell, Group
 from .equal import Table
 from .figures import number
 

@@ -11,9 +11,10 @@ from glossbench.atomic import replacing
 from glossbench.errors import InputError, nearest
 from glossbench.metrics import METRICS
 from glossbench.results import Results
+from glossbench.rows import parsed
 
 from .answer import answer_of
-from .cells import Group, grouped, parsed
+from .cells import Group, grouped
 from .crops import Crop
 from .images import MOST_PICTURES, chosen
 from .lines import COSTS, axis_of, lines_at

@@ -5,7 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from .cells import KINDS, Cell, Group, as_text, identity, names_of, told_apart
+from glossbench.rows import KINDS, as_text, identity, names_of, told_apart
+
+from .cells import Cell, Group
 from .figures import COLOURS
 
 SAMPLES = "samples"

@@ -115,16 +115,32 @@ def test_a_run_ends_with_a_table_verdicts_and_the_path_of_the_report(call):
     lines = out.splitlines()
     assert words(lines[0]) == "light material method samples rms relative_rms mean_error max_error shade ms"
     rows = [line.split() for line in lines[1:5]]
-    assert [row[3:5] for row in rows] == [
+    assert [row[2:4] for row in rows] == [
         [method, samples] for method in ("importance_sampling", "environment_sampling") for samples in ("4", "8")
     ]
     for row, rms in zip(rows, results.cells["rms"], strict=True):
-        assert row[5] in ("floor", f"{rms:.4g}")
+        assert row[4] in ("floor", f"{rms:.4g}")
     [claim] = results.claims
     assert f"{claim['verdict']} A [b] /c {claim['summary']}" in words(out)
     assert lines[-2:] == ["report: results/tiny/report.html", "report: results/tiny/report.pdf"]
     assert Path("results/tiny/report.html").is_file()
     assert Path("results/tiny/report.pdf").is_file()
+
+
+def test_the_table_names_the_options_that_tell_cells_apart(call):
+    study = STUDY | {
+        "view": {"sphere": {"resolution": [4, 8]}},
+        "methods": [{"filtered_importance_sampling": {"samples": 4, "mip_filter": ["box", "gauss4"]}}],
+        "claims": [],
+    }
+    Path("told.yaml").write_text(yaml.safe_dump(study))
+
+    lines = call("run", "told.yaml").out.splitlines()
+
+    assert words(lines[0]).startswith("light material view method samples")
+    named = [f"sphere (resolution {r}) filtered_importance_sampling (mip_filter {f}) 4"
+             for r in (4, 8) for f in ("box", "gauss4")]  # fmt: skip
+    assert all(text in words(line) for text, line in zip(named, lines[1:5], strict=True))
 
 
 def test_another_process_prints_the_same_kind_of_end(here):

@@ -7,10 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from glossbench.reports.cells import grouped, parsed
+from glossbench.reports.cells import grouped
 from glossbench.reports.equal import error_at_time, time_at_error
 from glossbench.reports.lines import Axis, Line, front, lines_at
 from glossbench.reports.sweeps import Label, places_of, sweeps_of
+from glossbench.rows import parsed
 
 RMS = {"few": [0.4, 0.1, 0.05], "many": [0.8, 0.3, 0.02]}
 SAMPLES = [4, 16, 64]
