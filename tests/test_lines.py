@@ -10,7 +10,7 @@ import pytest
 from glossbench.reports.cells import grouped, parsed
 from glossbench.reports.equal import error_at_time, time_at_error
 from glossbench.reports.lines import Axis, Line, front, lines_at
-from glossbench.reports.sweeps import Label, places_of, sweeps_of
+from glossbench.reports.sweeps import Label, places_of, sweeps_of, with_costs
 
 RMS = {"few": [0.4, 0.1, 0.05], "many": [0.8, 0.3, 0.02]}
 SAMPLES = [4, 16, 64]
@@ -312,6 +312,18 @@ def test_first_is_what_claims_ask_for_then_samples_then_the_most_values(sizes, c
     given = swept([({}, {key: int(value) + 1 for key, value in each.items()}, 0.1) for each in grid])
 
     assert next(iter(sweeps_of(grouped(given, ["rms"]), claims))) == first
+
+
+@pytest.mark.parametrize(
+    ("cells", "expected"),
+    [
+        ([({}, {"samples": n, "k": k}, 0.1) for n in (4, 16) for k in (1, 2, 4)], ["samples"]),
+        ([({"n_samples": n}, {"regions": n}, 0.1) for n in (24, 48, 96)], ["samples", "regions"]),
+        (over_s(ERRORS), ["samples"]),
+    ],
+)
+def test_errors_are_against_costs_along_budgets_under_one_condition(cells, expected):
+    assert [sweep.name for sweep in with_costs(sweeps_of(grouped(swept(cells), ["rms"])))] == expected
 
 
 def test_no_slope_is_fitted_where_x_is_not_positive():
