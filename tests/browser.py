@@ -141,6 +141,7 @@ class Page:
         self.send(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
         )
+        self.send("Emulation.setTouchEmulationEnabled", enabled=width < 600)
 
     def do(self, expression):
         """The value of a JavaScript expression, awaited; what it throws is raised."""
@@ -155,7 +156,8 @@ class Page:
         until = time.monotonic() + seconds
         while not self.do(f"!!({expression})"):
             if time.monotonic() > until:
-                raise TimeoutError(f"not true after {seconds} s: {expression}")
+                where = self.do("location.href")
+                raise TimeoutError(f"not true after {seconds} s: {expression}; at {where}, {self.complaints()}")
             time.sleep(0.05)
 
     def key(self, key, shift=False):
@@ -183,6 +185,11 @@ class Page:
             x, y = (a + t * (b - a) for a, b in zip(start, end, strict=True))
             self.mouse("mouseMoved", x, y, button="left", buttons=1, modifiers=more["modifiers"])
         self.mouse("mouseReleased", *end, **more)
+
+    def touch(self, kind, *points):
+        """touchStart, touchMove or touchEnd: where the fingers are on the screen, all of them."""
+        touches = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]
+        self.send("Input.dispatchTouchEvent", type=kind, touchPoints=touches)
 
     def click_on(self, selector):
         """A click on the middle of the element, once it lies still in the window with nothing before it."""

@@ -613,6 +613,65 @@ def test_on_a_phone_nothing_is_wider_than_the_window(dark, browser, folder):
             check_error(page, folder, "smape", pane, pane=pane)
 
 
+def test_two_fingers_zoom_and_one_scrolls_the_page_until_zoomed_in(browser, folder):
+    check_fingers(browser, folder)
+
+
+def test_the_check_of_fingers_notices_a_page_that_they_cannot_scroll(browser, folder, tmp_path, monkeypatch):
+    shutil.copytree(folder, tmp_path / "faulty")
+    monkeypatch.setattr(
+        html, "module", planted("touchAction = this.state.zoom === null", "touchAction = this.state.zoom === 0")
+    )
+    html.write_report(tmp_path / "faulty")
+
+    with pytest.raises(AssertionError):
+        check_fingers(browser, tmp_path / "faulty")
+
+
+def check_fingers(browser, folder):
+    with opened(browser, folder, width=390, height=800) as page:
+        x, y, width, height = page.box(".viewer-stage")
+        left, right, middle = x + 0.3 * width, x + 0.6 * width, y + height / 2
+        top = page.do("scrollY")
+        move(page, [(left, middle)], [(left, middle - 60)])
+        scrolled = page.do("scrollY") - top
+        fitted = page.do("[glossbenchViewer.state.zoom, glossbenchViewer.panes[0].scale]")
+        middle -= scrolled
+
+        move(page, [(left, middle), (right, middle)], [(left, middle), (right + right - left, middle)])
+        page.wait(READY)
+        zoomed, scale = page.do("[glossbenchViewer.state.zoom, glossbenchViewer.panes[0].scale]")
+        before, top = page.do("[glossbenchViewer.state.centre, scrollY]")
+        move(page, [(right, middle)], [(right, middle - 40)])
+
+        assert 30 < scrolled <= 60
+        assert fitted[0] is None
+        assert zoomed is not None
+        assert scale == pytest.approx(2 * fitted[1], rel=0.02)
+        assert page.do("scrollY") == top
+        assert page.do("glossbenchViewer.state.centre.y") - before["y"] == pytest.approx(40 / zoomed, abs=1 / zoomed)
+
+
+def move(page, start, end):
+    """Fingers go down, move in eight steps and are lifted."""
+    page.touch("touchStart", *start)
+    for t in np.linspace(0.125, 1, 8):
+        page.touch("touchMove", *[tuple(np.add(a, t * np.subtract(b, a))) for a, b in zip(start, end, strict=True)])
+    page.touch("touchEnd")
+
+
+def test_a_lost_graphics_context_is_drawn_by_the_processor(browser, folder):
+    with opened(browser, folder, "webgl2") as page:
+        change(page, "{layout: 'one', image: 3}")
+
+        page.do("glossbenchViewer.canvas.getContext('webgl2').getExtension('WEBGL_lose_context').loseContext()")
+        page.wait("glossbenchViewer.root.dataset.painter === 'plain'")
+        page.wait(READY)
+
+        check_image(page, folder, 3)
+        assert [text for text in page.complaints() if "WebGL" not in text] == []  # the driver's own words
+
+
 def test_images_are_unpacked_only_when_they_are_nearly_seen(browser, folder):
     with browser.open(folder / "report.html", height=300) as page:
         page.wait("globalThis.glossbenchViewer")

@@ -158,6 +158,7 @@ class Viewer {
     const reference = this.loaded(0), panes = panesOf(this);
     const ready = panes.map((pane) => ({ ...pane, image: this.loaded(pane.index) }));
     const { ratio } = this;
+    this.stage.style.touchAction = this.state.zoom === null ? 'pan-x pan-y' : 'none'; // one finger scrolls the page, or pans
     const here = ready.filter(({ image }) => image?.half && reference?.half);
     this.painter.paint(here.map(({ index, image, rect, origin, scale }) => ({
       image, reference, look: this.lookOf(index), scale: scale * ratio,

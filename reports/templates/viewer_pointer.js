@@ -20,6 +20,11 @@ function listenToPointer(viewer) {
     } catch {} // a pointer that has left already
   });
 
+  // Without this the browser scrolls by two fingers, and takes them away.
+  stage.addEventListener('touchstart', (event) => {
+    if (event.touches.length > 1) event.preventDefault();
+  }, { passive: false });
+
   stage.addEventListener('pointermove', (event) => {
     const now = place(event), before = down.get(event.pointerId);
     viewer.pointer = now;
@@ -27,7 +32,7 @@ function listenToPointer(viewer) {
       down.set(event.pointerId, now);
       if (start) mark(viewer, start, now);
       else if (down.size === 2) pinch(viewer, [...down.entries()], event.pointerId, before);
-      else panBy(viewer, now.x - before.x, now.y - before.y);
+      else if (event.pointerType !== 'touch' || viewer.state.zoom !== null) panBy(viewer, now.x - before.x, now.y - before.y);
     }
     viewer.controls.read();
   });
