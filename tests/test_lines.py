@@ -281,6 +281,8 @@ def test_options_with_numbers_are_swept_and_the_others_tell_lines():
         ([{"seed": 1}, {"seed": 2}], {"samples": 1}),
         ([{"m": [0.1, 0.1]}, {"m": [0.2, 0.2]}, {"m": [0.2, 0.1]}], {"samples": 1, "m": 2}),
         ([{"k": 1, "name": "a"}, {"k": 2, "name": "b"}], {"samples": 1, "k": 2}),  # a pair
+        ([{"k": k, "name": "b" if k > 3 else "a"} for k in (1, 2, 3, 4)], {"samples": 1, "k": 3}),  # none
+        ([{"samples": n, "name": "b" if n > 3 else "a"} for n in (1, 2, 3, 4)], {"samples": 4}),
         ([{"k": 1, "j": 1}, {"k": 2, "j": 1}, {"k": 1, "j": 2}], {"samples": 1, "k": 2, "j": 2}),
         ([{"samples": 4, "xi": 0.2}, {"samples": 8, "xi": 0.1}], {"samples": 2, "xi": 2}),
     ],
