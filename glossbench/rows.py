@@ -64,11 +64,16 @@ def as_text(value: Any) -> str:
 
 
 def _follows(key: str, over: str, options: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether one option alone decides another, as where a study pairs them: then that tells no two lines apart."""
+    """Whether one option alone decides another, as where a study pairs them: then that tells no two lines apart.
+
+    Two values of a budget may go with one of the other; of what is no budget each must have its own.
+    """
     values: dict[str, set[str]] = {}
     for each in options:
         values.setdefault(json.dumps(each.get(over)), set()).add(json.dumps(each.get(key)))
-    return len(values) > 1 and all(len(found) == 1 for found in values.values())
+    n_found = len(set[str]().union(*values.values()))
+    is_single = len(values) > 1 and all(len(found) == 1 for found in values.values())
+    return is_single and (over == "samples" or n_found == len(values))
 
 
 def _differing(options: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -42,10 +42,10 @@ class BRDFFactorization(Method):
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = 1e-5
 
     equation = "L_o approx sum_k p(omega_k) thin q(h_k) thin p(omega_o) cos theta_k thin E_k"
-    # Measured: furnace 1.0, of a narrow lobe that is no such product; 18 with all light from one direction. turns 0.07.
+    # Measured: furnace 1.0, of a narrow lobe that is no such product; 18 with all light from one direction. turns 4e-7.
     # Regions of a light that is added to move.
     contract = Contract(
-        furnace=1.5, linear=False, turns=0.2, budget=None, options={"lights": 384, "edge": 32, "pairs": 20_000},
+        furnace=1.5, linear=False, budget=None, options={"lights": 384, "edge": 32, "pairs": 20_000},
         quick={"pairs": 5000, "edge": 8},
     )  # fmt: skip
 

@@ -23,7 +23,7 @@ from .notation import runs
 from .print_images import PrintedGroup, middle_budgets
 from .print_plots import against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .print_tables import claim_table, cost_table, equal_table, error_tables, reference_table
-from .sweeps import SAMPLES, Place, Sweep, along, places_of, sweeps_of
+from .sweeps import SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
 from .typesetting import Press
 
 MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
@@ -106,7 +106,7 @@ def _plots(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metric: str, pr
             what = f"{metric} and costs"
         if panels:
             found.append((plot(panels), f"{place.title}: {what} over {place.sweep.title}"))
-    for place in places_of(groups, along(sweeps)):
+    for place in places_of(groups, with_costs(sweeps)[0]):
         if figure := plot_of(place, metric):
             over = "over samples and costs" if place.sweep.name == SAMPLES else "against costs"
             found.append((figure, f"{place.title}: {metric} {over}"))

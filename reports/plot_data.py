@@ -8,7 +8,7 @@ import numpy as np
 from .cells import Group
 from .figures import COLOURS
 from .lines import COSTS, Axis, Floats, Line, axis_of, costing, front, lines_at
-from .sweeps import Place, Sweep, places_of
+from .sweeps import Place, Sweep, places_of, with_costs
 
 
 def plot_data(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metrics: Sequence[str]) -> dict[str, Any]:
@@ -22,6 +22,7 @@ def plot_data(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metrics: Seq
                 "name": sweep.name,
                 "title": sweep.title,
                 "kind": sweep.kind,
+                "hasCosts": sweep in with_costs(sweeps),
                 "isSwept": sweep.n_values > 1,
                 "labels": {label.index: vars(label) for label in sweep.labels.values()},
                 "places": [

@@ -21,7 +21,7 @@ from .lines import COSTS, axis_of, lines_at
 from .print_images import PrintedGroup, middle_budgets
 from .print_plots import Panel, against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .profile import brightest_row, cross_section
-from .sweeps import Place, Sweep, along, places_of, sweeps_of
+from .sweeps import Place, Sweep, places_of, sweeps_of, with_costs
 from .typesetting import Format, Press
 
 
@@ -90,7 +90,7 @@ def convergence(
 def costs(folder: Path, path: Path, *, group: int | None = None, metric: str | None = None) -> None:
     """A metric over shading time, update costs and memory, with the Pareto front."""
     run = _read(folder, metric)
-    place = _numbered(run, _single(run, along(run.sweeps)), group)
+    place = _numbered(run, _single(run, with_costs(run.sweeps)[0]), group)
     _plot(run, place, against_costs(place, run.metric), path)
 
 

@@ -67,7 +67,7 @@ class Sweep:
 
     def value(self, row: Mapping[str, Any]) -> float | None:
         """Of a cell; None where it has no such number."""
-        return number_of(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
+        return _number(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
 
     def point(self, row: Mapping[str, Any]) -> tuple[int, Any]:
         """What the same cell under another light has in common with it: its line and what was asked of it."""
@@ -115,9 +115,14 @@ def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ())
     return {sweep.name: sweep for sweep in sorted(found, key=rank)}
 
 
-def along(sweeps: Mapping[str, Sweep]) -> Sweep:
-    """What the points of a line differ in where errors are plotted against costs: the first under one condition."""
-    return next(sweep for sweep in sweeps.values() if not sweep.kind)
+def with_costs(sweeps: Mapping[str, Sweep]) -> list[Sweep]:
+    """Those along whose lines errors are plotted against costs: under one condition, and none of samples held fixed."""
+    is_budgeted = sweeps[SAMPLES].n_values > 1
+    return [
+        sweep
+        for sweep in sweeps.values()
+        if not sweep.kind and not (is_budgeted and any(SAMPLES in label.options for label in sweep.labels.values()))
+    ]
 
 
 def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
@@ -144,10 +149,10 @@ def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
     return [*found, *means]
 
 
-def number_of(value: Any) -> float | None:
+def _number(value: Any) -> float | None:
     """A number as itself, and a list of one number alone, such as the m of an isotropic lobe; else None."""
     if isinstance(value, list) and value and all(each == value[0] for each in value):
-        return number_of(value[0])
+        return _number(value[0])
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
@@ -162,7 +167,7 @@ def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     for row in rows:
         for kind in ("", *KINDS):
             for key, value in _options(row, kind).items():
-                number = number_of(value)
+                number = _number(value)
                 if number is not None and key not in ASIDE and not (kind == "" and key in row["tuned"]):
                     numbers.setdefault(f"{kind}.{key}" if kind else key, set()).add(number)
     return [name for name, values in numbers.items() if len(values) > 1]

@@ -10,7 +10,7 @@ import pytest
 from glossbench.reports.cells import grouped
 from glossbench.reports.equal import error_at_time, time_at_error
 from glossbench.reports.lines import Axis, Line, front, lines_at
-from glossbench.reports.sweeps import Label, places_of, sweeps_of
+from glossbench.reports.sweeps import Label, places_of, sweeps_of, with_costs
 from glossbench.rows import parsed
 
 RMS = {"few": [0.4, 0.1, 0.05], "many": [0.8, 0.3, 0.02]}
@@ -282,6 +282,8 @@ def test_options_with_numbers_are_swept_and_the_others_tell_lines():
         ([{"seed": 1}, {"seed": 2}], {"samples": 1}),
         ([{"m": [0.1, 0.1]}, {"m": [0.2, 0.2]}, {"m": [0.2, 0.1]}], {"samples": 1, "m": 2}),
         ([{"k": 1, "name": "a"}, {"k": 2, "name": "b"}], {"samples": 1, "k": 2}),  # a pair
+        ([{"k": k, "name": "b" if k > 3 else "a"} for k in (1, 2, 3, 4)], {"samples": 1, "k": 3}),  # none
+        ([{"samples": n, "name": "b" if n > 3 else "a"} for n in (1, 2, 3, 4)], {"samples": 4}),
         ([{"k": 1, "j": 1}, {"k": 2, "j": 1}, {"k": 1, "j": 2}], {"samples": 1, "k": 2, "j": 2}),
         ([{"samples": 4, "xi": 0.2}, {"samples": 8, "xi": 0.1}], {"samples": 2, "xi": 2}),
     ],
@@ -313,6 +315,18 @@ def test_first_is_what_claims_ask_for_then_samples_then_the_most_values(sizes, c
     given = swept([({}, {key: int(value) + 1 for key, value in each.items()}, 0.1) for each in grid])
 
     assert next(iter(sweeps_of(grouped(given, ["rms"]), claims))) == first
+
+
+@pytest.mark.parametrize(
+    ("cells", "expected"),
+    [
+        ([({}, {"samples": n, "k": k}, 0.1) for n in (4, 16) for k in (1, 2, 4)], ["samples"]),
+        ([({"n_samples": n}, {"regions": n}, 0.1) for n in (24, 48, 96)], ["samples", "regions"]),
+        (over_s(ERRORS), ["samples"]),
+    ],
+)
+def test_errors_are_against_costs_along_budgets_under_one_condition(cells, expected):
+    assert [sweep.name for sweep in with_costs(sweeps_of(grouped(swept(cells), ["rms"])))] == expected
 
 
 def test_no_slope_is_fitted_where_x_is_not_positive():

@@ -41,7 +41,7 @@ function plots() {
 
   const isHidden = (x, data) => {
     if (x === "over") return !swept().isSwept && !data.isCost;
-    return data.isCost || swept().kind !== "" || data.lines.every((line) => line.x[x].every((value) => value === 0));
+    return data.isCost || !swept().hasCosts || data.lines.every((line) => line.x[x].every((value) => value === 0));
   };
 
   const describe = (line, i, x) => {
