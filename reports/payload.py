@@ -149,7 +149,7 @@ def _images(
     reference, mask = results.reference(key).astype(np.float64), results.mask(key)
     stated = {"samples": group.reference["reference_samples"], "note": _noise(group)}
     yield (
-        {"key": key, "kind": "reference", "name": "reference", "method": "", "options": ""} | stated,
+        {"key": key, "kind": "reference", "name": "reference", "options": ""} | stated,
         _halves(reference, mask.astype(float)),
     )
     step = max(1, len(group.done) * int(mask.sum()) // RANGE_SAMPLES)
@@ -170,8 +170,7 @@ def _entry(cell: Cell, metric: str | None) -> dict[str, Any]:
     return {
         "key": row["key"],
         "kind": "cell",
-        "name": cell.name,
-        "method": row["method"],
+        "name": row["method"],
         "options": cell.options,
         "samples": row["n_samples"],
         "note": note,

@@ -73,7 +73,7 @@ class Crops {
 
 // Options and samples of a cell.
 function details({ kind, options, samples }) {
-  return [options, kind === 'cell' && samples !== null ? `${samples} samples` : ''].filter(Boolean).join(' · ');
+  return [options, kind === 'cell' && samples !== null ? `${samples} ${samples === 1 ? 'sample' : 'samples'}` : ''].filter(Boolean).join(' · ');
 }
 
 function described({ x, y, width, height }) {
