@@ -16,7 +16,7 @@ from glossbench.errors import InputError
 # Rec. 709 in XYZ: IEC 61966-2-1, the other of its two matrices.
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 LUMINANCE = torch.tensor([0.2126, 0.7152, 0.0722]).double()
-RESOLUTIONS = [64, 256, 1024]
+RESOLUTIONS = [64, 256]
 
 
 def sky(**options):
@@ -253,6 +253,12 @@ def disc_of_radiance_one(elevation, azimuth, resolution=64):
 @pytest.mark.parametrize("place", [(45, 45), (35.26439, 45), (90, 0), (0.27, -135)])
 def test_the_sun_s_energy_is_exact_across_edges_corners_and_down_to_the_horizon(place):
     faces = disc_of_radiance_one(*place)
+
+    check_energy(faces, torch.ones(3))
+
+
+def test_the_sun_s_energy_is_exact_in_the_finest_light():
+    faces = disc_of_radiance_one(40, 135, resolution=1024)
 
     check_energy(faces, torch.ones(3))
 
