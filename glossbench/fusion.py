@@ -84,7 +84,8 @@ def fused(kernel: Callable[..., Any]) -> Callable[..., Any]:
     from torch._dynamo.exc import BackendCompilerFailed
     from torch._inductor.exc import InductorError
 
-    run = torch.compile(kernel, dynamic=True)
+    # Trial builds of each vector extension, and a process to load each, take 20 s of work: the CPU's flags are enough.
+    run = torch.compile(kernel, dynamic=True, options={"cpp.vec_isa_ok": True})
 
     def guarded(*arguments: Any) -> Any:
         nonlocal run

@@ -15,7 +15,7 @@ mi = pytest.importorskip("mitsuba")
 mi.set_variant("scalar_rgb")
 import drjit as dr  # noqa: E402
 
-N_RENDERS = 32
+N_RENDERS = 24
 PAIRS = 24  # of a light and a material sample, a pixel and render
 HEIGHT = 1025  # of the image of a light
 

@@ -53,23 +53,18 @@ MATERIALS = {
         lambda: phong(30, (0.6, 0.5, 0.4), (0.1, 0.2, 0.4)),
     ),
 }
+# Each material, each light, and what the faults below are planted in.
 CASES = [
     ("diffuse", "gradient"),
-    ("diffuse", "spots"),
     ("diffuse", "orientation"),
     ("diffuse", "grace"),
     ("ggx", "gradient"),
     ("ggx", "spots"),
     ("ggx_anisotropic", "orientation"),
-    ("ggx_anisotropic", "grace"),
     ("kurt", "orientation"),
-    ("kurt_anisotropic", "gradient"),
     ("kurt_anisotropic", "grace"),
-    ("cook_torrance", "gradient"),
     ("cook_torrance", "spots"),
     ("cook_torrance_anisotropic", "orientation"),
-    ("cook_torrance_anisotropic", "grace"),
-    ("phong", "orientation"),
     ("phong", "spots"),
 ]
 
@@ -138,7 +133,7 @@ def test_reference_of_a_sphere_is_the_image_of_mitsuba(material, light, request)
 
     radiance, standard_error = ours(MATERIALS[material][0], light_of(light))
 
-    # Median standard error of a pixel: Mitsuba's 1.5 % to 6 %, ours 0.3 % at most. Largest |z| 4.5, z^2 0.85 to 1.17.
+    # Median standard error of a pixel: Mitsuba's 1.7 % to 6.8 %, ours 0.3 % at most. Largest |z| 3.9, z^2 0.82 to 1.15.
     check_agreement(radiance, standard_error, theirs(material, light))
 
 

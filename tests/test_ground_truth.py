@@ -169,7 +169,8 @@ MATERIALS = {
     "ggx_diffuse": Glossy("ggx", (0.2, 0.2), (0.04, 0.04, 0.04), kd=(0.5, 0.3, 0.1)),
     "ggx_anisotropic": Glossy("ggx", (0.5, 0.2), (0.9, 0.7, 0.3)),
 }
-CASES = [(light, material) for light in ("rough", "spot") for material in MATERIALS]
+# Each light and each material; the other pairs stand below, sharper or over 20 seeds.
+CASES = [("rough", "kurt_anisotropic"), ("rough", "ggx_anisotropic"), ("spot", "kurt"), ("spot", "ggx_diffuse")]
 
 
 def extrapolated(glossy, light, k=8):
@@ -201,7 +202,7 @@ def z_limit(n_values):
     return student.isf((1 - 0.99 ** (1 / n_values)) / 2, N_REPLICATES - 1)
 
 
-def check_z(radiance, standard_error, truth, n_tests=8):
+def check_z(radiance, standard_error, truth, n_tests=4):
     z = (radiance - truth) / standard_error
     assert np.abs(z).max() < z_limit(z.size * n_tests)
 
@@ -212,7 +213,7 @@ def test_reference_is_the_exact_sum_over_texels(light, material):
 
     radiance, standard_error = reference(lights()[light], MATERIALS[material].material())
 
-    # The sum's own error, k = 8 against 16: 0.06 of a standard error, 0.44 for kurt_anisotropic and spot.
+    # The sum's own error, k = 8 against Gauss quadrature of order 10: 0.13 of a standard error.
     check_z(radiance, standard_error, truth)
 
 
@@ -522,10 +523,20 @@ def reference_at_grazing(light, material, **options):
     return truth.radiance[0].numpy(), truth.standard_error[0].numpy()
 
 
+# Each material under two lights, each light on three materials; of the peaks other pairs stand below, over 20 seeds.
 GRAZING_CASES = [
-    (light, material)
-    for light in ("constant", "rough", "disc in the lobe", "disc on the horizon")
-    for material in AT_GRAZING
+    ("constant", "kurt"),
+    ("constant", "cook_torrance"),
+    ("constant", "phong"),
+    ("rough", "kurt_anisotropic"),
+    ("rough", "ggx"),
+    ("rough", "phong"),
+    ("disc in the lobe", "kurt"),
+    ("disc in the lobe", "ggx_anisotropic"),
+    ("disc in the lobe", "cook_torrance"),
+    ("disc on the horizon", "kurt_anisotropic"),
+    ("disc on the horizon", "ggx"),
+    ("disc on the horizon", "ggx_anisotropic"),
 ]
 
 
@@ -568,7 +579,9 @@ def peak_seeds(light, material):
     end sooner.
     """
     options = {"relative_error": 1e-9, "max_samples": 4096}
-    runs = [reference_at_grazing(light, material, seed=seed, **options) for seed in range(N_SEEDS)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ground_truth, "FIRST_SAMPLES", 4096 // N_REPLICATES)  # at once, as no noise ends it sooner
+        runs = [reference_at_grazing(light, material, seed=seed, **options) for seed in range(N_SEEDS)]
     return np.stack([r[0] for r in runs]), np.stack([r[1] for r in runs])
 
 

@@ -40,16 +40,18 @@ def lump_by_hand(wo, wi, radius, exponent, fitted=True):
 
     c is the cosine of half the angle between the directions, cos_h is (cos_i + cos_o) / |wo + wi|.
     """
-    cos_o, cos_i = wo[..., 2], wi[..., 2]
     total = wo + wi
-    s = cos_o[..., None] * total[..., :2] / total[..., 2:]
-    fit = np.minimum(1, (1 - np.hypot(wo[..., 0], wo[..., 1])) / max(radius)) if fitted else np.ones_like(cos_o)
-    r_x, r_y = radius[0] * fit, radius[1] * fit
+    s = wo[..., 2:] * total[..., :2] / total[..., 2:]
+    fit = np.minimum(1, (1 - np.hypot(wo[..., 0], wo[..., 1])) / max(radius)) if fitted else np.ones_like(wo[..., 2])
+    r_x, r_y = (np.broadcast_to(r * fit, s.shape[:-1]) for r in radius)
     rest = 1 - (s[..., 0] / r_x) ** 2 - (s[..., 1] / r_y) ** 2
-    p = (exponent + 1) / (pi * r_x * r_y) * np.where(rest > 0, rest, 0) ** exponent
+    lit, value = rest > 0, np.zeros(rest.shape)
+    wo, wi, total = (np.broadcast_to(v, total.shape)[lit] for v in (wo, wi, total))
+    p = (exponent + 1) / (pi * r_x[lit] * r_y[lit]) * rest[lit] ** exponent
     c = np.cos(np.arccos(np.clip((wo * wi).sum(-1), -1, 1)) / 2)
-    cos_h = (cos_i + cos_o) / np.linalg.norm(total, axis=-1)
-    return p * cos_o**2 / (4 * c * cos_h**3)
+    cos_h = total[:, 2] / np.linalg.norm(total, axis=-1)
+    value[lit] = p * wo[:, 2] ** 2 / (4 * c * cos_h**3)
+    return value
 
 
 def f_by_hand(wo, wi, radius, exponent, reciprocal=False, fitted=True):
@@ -130,7 +132,7 @@ def test_visible_half_vectors_fill_the_unit_disk_about_the_viewer(view):
 # Energy.
 
 
-def integral(f, wo, n=600):
+def integral(f, wo):
     """Integral of f(wo, wi) over the hemisphere: midpoint in angles over a rectangle that holds all that is not 0.
 
     The slope of a half vector is at most (1 - sin_o) / cos_o, and light turns by twice the angle of its half vector:
@@ -141,7 +143,7 @@ def integral(f, wo, n=600):
         t, p = thetas[:, None], phis[None]
         return np.stack(np.broadcast_arrays(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)), axis=-1)
 
-    def middles(a, b):
+    def middles(a, b, n):
         return a + (b - a) * (np.arange(n) + 0.5) / n
 
     low, high = np.array([0.0, -pi]), np.array([pi / 2, pi])
@@ -150,8 +152,8 @@ def integral(f, wo, n=600):
         wide = reach / sin(theta - reach)
         low, high = np.array([theta - reach, -wide]), np.array([min(pi / 2, theta + reach), wide])
     azimuth = np.arctan2(-wo[1], -wo[0])
-    for _ in range(3):
-        thetas, phis = (middles(a, b) for a, b in zip(low, high, strict=True))
+    for n in (300, 300, 600):  # the first two find the rectangle
+        thetas, phis = (middles(a, b, n) for a, b in zip(low, high, strict=True))
         value = f(wo, grid(thetas, phis + azimuth)) * np.sin(thetas)[:, None]
         total = value.sum() * np.prod((high - low) / n)
         lit = [np.flatnonzero(value.any(axis=1 - k)) for k in range(2)]
@@ -301,7 +303,8 @@ def test_values_are_finite_at_grazing_angles(radius, exponent, reciprocal):
 @pytest.mark.filterwarnings("ignore:`torch.jit:DeprecationWarning")  # the compiler's own, while it loads
 def test_fused_kernel_agrees_with_the_eager_one():
     # Measured: 2.1e-7, another order of the same float32 operations.
-    check_fused(*(lobe_of((0.6, 0.3), 6.0, reciprocal=r) for r in (False, True)), rtol=2e-6)
+    # What is not reciprocal is a part of what is.
+    check_fused(lobe_of((0.6, 0.3), 6.0, reciprocal=True), rtol=2e-6)
 
 
 @pytest.mark.parametrize(

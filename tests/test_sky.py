@@ -16,7 +16,7 @@ from glossbench.errors import InputError
 # Rec. 709 in XYZ: IEC 61966-2-1, the other of its two matrices.
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 LUMINANCE = torch.tensor([0.2126, 0.7152, 0.0722]).double()
-RESOLUTIONS = [64, 128, 256, 512, 1024]
+RESOLUTIONS = [64, 256]
 
 
 def sky(**options):
@@ -257,6 +257,12 @@ def test_the_sun_s_energy_is_exact_across_edges_corners_and_down_to_the_horizon(
     check_energy(faces, torch.ones(3))
 
 
+def test_the_sun_s_energy_is_exact_in_the_finest_light():
+    faces = disc_of_radiance_one(40, 135, resolution=1024)
+
+    check_energy(faces, torch.ones(3))
+
+
 def test_of_a_sun_that_sets_the_upper_half_is_left():
     faces = disc_of_radiance_one(0, 20)
 
@@ -266,7 +272,7 @@ def test_of_a_sun_that_sets_the_upper_half_is_left():
     check_energy(faces, torch.ones(3), share=0.5, atol=2e-5)
 
 
-@pytest.mark.parametrize("resolution", [64, 256, 1024])
+@pytest.mark.parametrize("resolution", [64, 1024])
 def test_the_check_of_energy_notices_a_disc_lit_by_texel_centres(resolution):
     d = stack(texel_directions(resolution)).double()
     inside = d @ torch.tensor(toward(40, 135)).double() > cos(SUN_RADIUS)
@@ -276,7 +282,7 @@ def test_the_check_of_energy_notices_a_disc_lit_by_texel_centres(resolution):
         check_energy(inside[..., None] * radiance, radiance)
 
 
-@pytest.mark.parametrize("resolution", [64, 128, 512])
+@pytest.mark.parametrize("resolution", [64, 256])
 def test_irradiance_of_the_disc_is_that_of_a_cap(resolution):
     faces, radiance = sun_alone(resolution=resolution)
 

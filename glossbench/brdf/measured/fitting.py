@@ -149,23 +149,23 @@ def _sharpness(m: float) -> float:
     return min(1 / (2 * m * m), 1e5)
 
 
-def _factors(x: Floats, nodes: _Nodes, model: Model) -> Floats:
+def _factors(columns: Floats, nodes: _Nodes) -> Floats:
     """The factors of the columns in [0, 1], (K, 3)."""
-    columns = nodes.weight[:, None] * _columns(x, nodes, model)
     right = nodes.weight[:, None] * nodes.values
     # A normal factorization first: the bounded solver then has K rows in place of N.
-    q, r = np.linalg.qr(columns)
+    q, r = np.linalg.qr(nodes.weight[:, None] * columns)
     return np.stack([lsq_linear(r, b, (0, 1), method="bvls").x for b in (q.T @ right).T], 1)
 
 
 def _residual(x: Floats, nodes: _Nodes, model: Model) -> float:
-    left = _columns(x, nodes, model) @ _factors(x, nodes, model) - nodes.values
+    columns = _columns(x, nodes, model)
+    left = columns @ _factors(columns, nodes) - nodes.values
     return float(np.linalg.norm(nodes.weight[:, None] * left) / np.linalg.norm(nodes.weight[:, None] * nodes.values))
 
 
 def _material(x: Floats, nodes: _Nodes, model: Model) -> Material:
     """The lobes as a material, the strongest first."""
-    factors = _factors(x, nodes, model)
+    factors = _factors(_columns(x, nodes, model), nodes)
     kd = tuple(factors[0].tolist())
     shapes = [_bounded(*shape) for shape in x.reshape(-1, 2)]
     if model == "kurt":
