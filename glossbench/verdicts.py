@@ -41,6 +41,7 @@ from glossbench.comparisons import (
     verdict_on,
 )
 from glossbench.metrics import METRICS
+from glossbench.rows import as_text
 
 
 def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
@@ -185,12 +186,12 @@ class _Table:
             options = row[f"{place}_options"]
             name = PurePath(options["file"]).name if row[place] == "file" else row[place]
             telling = [key for key in self._varying[place].get(row[place], []) if key != "file"]
-            parts.append(" ".join([name, *(f"{key}={options[key]}" for key in telling)]))
+            parts.append(" ".join([name, *(f"{key}={as_text(options[key])}" for key in telling)]))
         return _listed(parts)
 
 
 def _spelled(side: Side) -> str:
-    told = " ".join(f"{key}={value}" for key, value in (options_of(side) | places_of(side)).items())
+    told = " ".join(f"{key}={as_text(value)}" for key, value in (options_of(side) | places_of(side)).items())
     return f"{method_of(side)} ({told})" if told else method_of(side)
 
 
@@ -199,7 +200,7 @@ def _listed(parts: list[str]) -> str:
 
 
 def _shown(row: Row, keys: Collection[str]) -> str:
-    return " ".join(f"{key}={row['options'].get(key)}" for key in keys)
+    return " ".join(f"{key}={as_text(row['options'].get(key))}" for key in keys)
 
 
 def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -234,7 +235,10 @@ def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
     curves = []
     for value in groups[key]:
         part = [row for row in rows if json.dumps(row["options"].get(key)) == value]
-        curves += [(group, " ".join([f"{key}={value}", own]).strip()) for group, own in _curves(part, over)]
+        curves += [
+            (group, " ".join([f"{key}={as_text(json.loads(value))}", own]).strip())
+            for group, own in _curves(part, over)
+        ]
     return curves
 
 

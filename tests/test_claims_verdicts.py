@@ -358,8 +358,8 @@ def test_a_swept_option_gives_a_curve_each_and_a_tuned_one_does_not():
 
     assert [n["a"] for n in judgement["numbers"]] == pytest.approx([-0.5, -0.5])
     assert [n["where"] for n in judgement["numbers"]] == [
-        'spots, kurt, sphere, filter="box"',
-        'spots, kurt, sphere, filter="gauss6"',
+        "spots, kurt, sphere, filter=box",
+        "spots, kurt, sphere, filter=gauss6",
     ]
 
 
