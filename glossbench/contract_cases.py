@@ -6,6 +6,7 @@ Points are given directly, not by a camera: any normal, any view, in any order.
 import inspect
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from math import pi
 from typing import Any, NamedTuple
 
@@ -83,7 +84,10 @@ class GivenPoints(View):
 
     def scene(self) -> UnitSphere:
         """The unit sphere: turned, it is itself."""
-        return UnitSphere()
+        return SPHERE
+
+
+SPHERE = UnitSphere()
 
 
 @dataclass(frozen=True)
@@ -92,22 +96,28 @@ class UnknownScene:
 
 
 class Shader:
-    """A method under a light, ready for any points: for others, only stages that need the view are redone."""
+    """A method under a light, ready for any points: for others, only stages that need the view are redone.
 
-    def __init__(self, method: Method, light: CubeMap, material: Material) -> None:
+    Args:
+        kept: stages of a method under other lights and of other materials, to be shared; by default none.
+    """
+
+    def __init__(self, method: Method, light: CubeMap, material: Material, kept: dict[Any, Any] | None = None) -> None:
         self.method, self.light, self.material = method, light, material
-        self.kept: dict[str, Any] = {}
+        self.kept: dict[Any, Any] = {} if kept is None else kept
 
     def __call__(self, points: ShadingPoints) -> Tensor:
         view = GivenPoints(points)
-        values = dict(zip(INPUTS, (self.light, self.material, view.scene(), view), strict=True))
+        inputs = dict(zip(INPUTS, (self.light, self.material, view.scene(), view), strict=True))
+        values: dict[str, Any] = {**inputs, "points": points}
         stages = stages_of(type(self.method))
         depends = dependencies(stages)
         for name, stage in stages.items():
-            if name not in self.kept or "view" in depends[name]:
-                needed = {n: (values | self.kept)[n] for n in stage.needs}
-                self.kept[name] = stage.function(Recorder(self.method), **needed)
-        values |= self.kept | {"points": points}
+            of = [inputs[n] for n in INPUTS if n in depends[name]]
+            key = (name, *map(id, of))
+            if key not in self.kept:  # with what it is of: an id is another object's when the first is gone
+                self.kept[key] = stage.function(Recorder(self.method), **{n: values[n] for n in stage.needs}), of
+            values[name], _ = self.kept[key]
         wanted = inspect.signature(self.method.shade).parameters
         return self.method.shade(**{name: values[name] for name in wanted})
 
@@ -120,6 +130,12 @@ def truth_for(method: Method) -> Truth:
 
 def spots(seed: int) -> CubeMap:
     """Small lights, of moderate contrast, so that errors of a few samples are errors of all pixels."""
+    light = _spots(seed)
+    return CubeMap(light.faces.clone(), light.key)  # a method may write into it
+
+
+@cache
+def _spots(seed: int) -> CubeMap:
     return Spots(seed=seed, resolution=32, contrast=100.0).cubemap()
 
 

@@ -94,10 +94,10 @@ def check_furnace(method: Method) -> Measured:
         general_points(),
         Constant(radiance=(2.5, 2.5, 2.5)).cubemap(),
     )
-    errors = {}
+    errors, kept = {}, dict[Any, Any]()
     for material in supported_of(method, FURNACE_MATERIALS):
         expected = 2.5 * material.albedo(points.wo_local())
-        errors[label_of(material)] = _relative(Shader(accurate, light, material)(points), expected)
+        errors[label_of(material)] = _relative(Shader(accurate, light, material, kept)(points), expected)
     if not errors:
         return None, "none of the materials is supported"
     # max() of a NaN and a number may be either.
@@ -112,9 +112,9 @@ def check_linear(method: Method) -> Measured:
     if not method.contract.linear:
         return None, "not claimed"
     material, points = general_material(method), general_points()
-    one, two = spots(3), spots(4)
+    one, two, kept = spots(3), spots(4), dict[Any, Any]()
     a, b, total, triple = (
-        Shader(method, CubeMap(faces, key), material)(points).double()
+        Shader(method, CubeMap(faces, key), material, kept)(points).double()
         for key, faces in (
             ("one", one.faces),
             ("two", two.faces),
@@ -135,11 +135,14 @@ def check_turns(method: Method) -> Measured:
         general_points(),
         spots(3),
     )
-    image = Shader(accurate, light, material)(points)
+    kept = dict[Any, Any]()
+    image = Shader(accurate, light, material, kept)(points)
     changes = {}
     for axis in range(3):
         turned_points = ShadingPoints(*(turn(v, axis) for v in (points.t, points.b, points.n, points.wo)))
-        changes["xyz"[axis]] = _relative(Shader(accurate, turn_light(light, axis), material)(turned_points), image)
+        changes["xyz"[axis]] = _relative(
+            Shader(accurate, turn_light(light, axis), material, kept)(turned_points), image
+        )
     worst = next((a for a, c in changes.items() if not np.isfinite(c)), max(changes, key=changes.__getitem__))
     bound = method.contract.turns
     return changes[worst] <= bound, f"{changes[worst]:.1e} of the mean about {worst}, at most {bound:g}"
@@ -182,10 +185,10 @@ def check_finite(method: Method) -> Measured:
         "one lit texel": SingleTexel(resolution=16, radiance=(1e5, 1e5, 1e5)).cubemap(),
         "contrast 1e5": Spots(resolution=16, contrast=1e5).cubemap(),
     }
-    points, n = hard_points(), 0
+    points, n, kept = hard_points(), 0, dict[Any, Any]()
     for label, light in lights.items():
         for material in supported_of(method, HARD_MATERIALS):
-            image = Shader(method, light, material)(points)
+            image = Shader(method, light, material, kept)(points)
             n_bad = int((~torch.isfinite(image)).any(-1).sum())
             if n_bad:
                 return False, f"{n_bad} of {len(points)} points not finite: {label}, {label_of(material)}"
@@ -255,7 +258,7 @@ def check_pure(method: Method) -> Measured:
 def check_supports(method: Method) -> Measured:
     """`supports` gives None or a reason for any material and scene; what it supports, it can shade."""
     materials = [*registered_materials(), *FURNACE_MATERIALS, *GENERAL_MATERIALS, *HARD_MATERIALS]
-    reasons, n = [], 0
+    reasons, n, light, kept = [], 0, spots(3), dict[Any, Any]()
     for scene in (UnitSphere(), UnknownScene()):
         for material in materials:
             reason = method.supports(material, scene)
@@ -264,7 +267,7 @@ def check_supports(method: Method) -> Measured:
             if reason is not None:
                 reasons.append(reason)
             elif isinstance(scene, UnitSphere):
-                Shader(method, spots(3), material)(general_points(3))
+                Shader(method, light, material, kept)(general_points(3))
             n += 1
     return True, f"{n} combinations, {len(reasons)} unsupported" + (f": {reasons[0]}" if reasons else "")
 

@@ -9,9 +9,9 @@ import logging
 import shutil
 from collections.abc import Callable
 from contextlib import nullcontext
-from functools import cache
+from functools import cache, wraps
 from math import ceil
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import torch
 from torch import Tensor
@@ -26,6 +26,9 @@ CHUNK = 1 << 17
 FUSE_ABOVE = 1 << 25
 
 Kernel = Callable[..., Tensor]
+F = TypeVar("F", bound=Callable[..., Any])
+
+_leave_out: list[Callable[[], None]] = []
 
 
 class PerPoint(NamedTuple):
@@ -63,6 +66,26 @@ def _of_chunk(arguments: tuple[Any, ...], start: int, stop: int) -> list[Any]:
     return [a.rows(start, stop) if isinstance(a, PerPoint) else a for a in arguments]
 
 
+def untraced(function: F) -> F:
+    """Decorator: fused kernels call the function as it is, as one that casts rays through a library.
+
+    torch.compiler.disable does this, and imports the compiler to do so, which takes longer than all else that a start
+    takes: so it is asked only when a kernel is fused.
+    """
+    called: Callable[..., Any] = function
+
+    def leave_out() -> None:
+        nonlocal called
+        called = torch.compiler.disable(function)
+
+    @wraps(function)
+    def run(*arguments: Any) -> Any:
+        return called(*arguments)
+
+    _leave_out.append(leave_out)
+    return cast("F", run)
+
+
 @cache
 def can_fuse() -> bool:
     """Whether torch.compile has a C++ compiler to fuse with; says so in one line where it has none."""
@@ -84,6 +107,8 @@ def fused(kernel: Callable[..., Any]) -> Callable[..., Any]:
     from torch._dynamo.exc import BackendCompilerFailed
     from torch._inductor.exc import InductorError
 
+    while _leave_out:
+        _leave_out.pop()()
     # Trial builds of each vector extension, and a process to load each, take 20 s of work: the CPU's flags are enough.
     run = torch.compile(kernel, dynamic=True, options={"cpp.vec_isa_ok": True})
 

@@ -112,9 +112,14 @@ def _tuples(value: Any) -> Any:
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
+def schema_of(cls: type[Options], option: str) -> dict[str, Any]:
+    """JSON Schema of an option of a class, without its default."""
+    return _adapters(cls)[option].json_schema()
+
+
 def json_schema(cls: type[Options]) -> dict[str, Any]:
     """JSON Schema of the options of a class."""
-    properties = {key: adapter.json_schema() for key, adapter in _adapters(cls).items()}
+    properties = {key: schema_of(cls, key) for key in _adapters(cls)}
     for option in dataclasses.fields(cls):  # type: ignore[arg-type]
         if option.default is not dataclasses.MISSING:
             properties[option.name]["default"] = _adapters(cls)[option.name].dump_python(option.default, mode="json")

@@ -5,12 +5,15 @@ import os
 import platform
 import sys
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 import torch
+
+version = cache(metadata.version)  # which reads a file
 
 # What decides the numbers: a change of any of these files makes every cell new.
 NUMERICS = (
@@ -21,6 +24,7 @@ NUMERICS = (
 )  # fmt: skip
 
 
+@cache
 def numerics_hash() -> str:
     """SHA-256 of the source that decides the numbers, and of the versions of what computes and decodes them."""
     names = ("scipy", "scikit-image", "flip-evaluator", "OpenImageIO", "trimesh", "embreex")
@@ -57,7 +61,7 @@ def glossbench_version() -> str:
     """Version of the installed package."""
     try:
         return version("glossbench")
-    except PackageNotFoundError:
+    except metadata.PackageNotFoundError:
         return "not installed"
 
 

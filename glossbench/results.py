@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import pandas
 from numpy.typing import NDArray
-from skimage.io import imread, imsave
+from PIL import Image as Picture
 from torch import Tensor
 
 from glossbench.atomic import replacing
@@ -130,7 +130,7 @@ class Results:
         _write_image(stem.with_suffix(".exr"), truth.radiance)
         _write_image(stem.with_name(f"{key}_standard_error.exr"), truth.standard_error)
         with replacing(stem.with_name(f"{key}_mask.png")) as part:
-            imsave(part, truth.mask.numpy().astype(np.uint8) * 255, check_contrast=False)
+            Picture.fromarray(truth.mask.numpy().astype(np.uint8) * 255).save(part, format="PNG")
         numbers = {"n_samples": truth.n_samples, "seconds": seconds}
         self._write_json(f"references/{key}.json", numbers)
 
@@ -194,7 +194,8 @@ class Results:
 
     def mask(self, key: str) -> NDArray[np.bool_]:
         """Pixels (H, W) of a reference that show the surface."""
-        return np.asarray(imread(self.folder / "references" / f"{key}_mask.png")) > 0
+        with Picture.open(self.folder / "references" / f"{key}_mask.png") as picture:
+            return np.asarray(picture) > 0
 
     def half_vectors(self, key: str) -> NDArray[np.float32] | None:
         """The pattern (N, 2), theta and phi, of a cell; None where the method has none."""

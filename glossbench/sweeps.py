@@ -12,7 +12,7 @@ from glossbench.envmap.lights import FileLight, file_or_name, locate
 from glossbench.errors import InputError, nearest
 from glossbench.items import Item, MethodItem, Tune
 from glossbench.metrics import METRICS
-from glossbench.options import Options, check, json_schema, option_names
+from glossbench.options import Options, check, option_names, schema_of
 from glossbench.schema import REGISTRIES, TuneKeys
 from glossbench.yaml_marks import Document, KeyPath, path_text
 
@@ -108,7 +108,7 @@ class Form:
 
     def _sweeps(self, option: str, given: Any) -> bool:
         """Whether a value that the option does not accept is a sweep; of an option that takes a list, one of lists."""
-        of_any_length = "items" in json_schema(self.cls)["properties"][option]
+        of_any_length = "items" in schema_of(self.cls, option)
         return isinstance(given, list) and (not of_any_length or any(isinstance(value, list) for value in given))
 
     def _accepts(self, option: str, value: Any) -> bool:
@@ -183,7 +183,7 @@ class Form:
 
 def _bounds(cls: type[Options], option: str) -> list[float] | None:
     """The bounds, themselves allowed, that the annotation of a number states."""
-    stated = json_schema(cls)["properties"][option]
+    stated = schema_of(cls, option)
     for branch in (stated, *stated.get("anyOf", [])):
         if "minimum" in branch and "maximum" in branch:
             return [branch["minimum"], branch["maximum"]]

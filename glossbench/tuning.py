@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from glossbench.items import Tune
 
@@ -19,7 +19,7 @@ def tune_option(tune: Tune, error: Callable[[float], float]) -> float:
     best = int(np.argmin(errors))
     if not math.isfinite(errors[best]):
         return float(grid[best])
-    found = minimize_scalar(
+    found = scipy.optimize.minimize_scalar(
         lambda x: abs(error(float(x))), bounds=(grid[max(best - 1, 0)], grid[min(best + 1, 8)]),
         method="bounded", options={"xatol": (tune.high - tune.low) / 400},
     )  # fmt: skip

@@ -10,7 +10,7 @@ from glossbench.brdf.lobe import Channels
 from glossbench.brdf.material import Reflectance
 from glossbench.directions import Vec3, cosine_hemisphere, to_world
 from glossbench.envmap.pyramid import Environment, weighted_radiance
-from glossbench.fusion import over_points
+from glossbench.fusion import over_points, untraced
 from glossbench.scene.points import Occluder, ShadingPoints
 from glossbench.stages import diffuse_radiance
 
@@ -28,7 +28,7 @@ def unhidden(weight: Channels, points: ShadingPoints, d: Vec3, occluder: Occlude
     return weight if occluder is None else _cast(weight, points, d, occluder)
 
 
-@torch.compiler.disable
+@untraced
 def _cast(weight: Channels, points: ShadingPoints, d: Vec3, occluder: Occluder) -> Channels:
     assert points.position is not None
     assert points.ng is not None

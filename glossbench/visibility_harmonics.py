@@ -1,7 +1,7 @@
 """Visibility in spherical harmonics: fitted at each point to shadow tests in a few directions."""
 
+import scipy
 import torch
-from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
 from glossbench.directions import Vec3, dot
@@ -53,8 +53,10 @@ def smooth(values: Tensor, mask: Tensor, sigma: float) -> Tensor:
     """
     if sigma == 0:
         return values
-    weight = gaussian_filter(mask.float().numpy(), sigma, mode="constant", truncate=3)
+    weight = scipy.ndimage.gaussian_filter(mask.float().numpy(), sigma, mode="constant", truncate=3)
     image = torch.zeros(*mask.shape, values.shape[1])
     image[mask] = values.cpu()
-    blurred = torch.from_numpy(gaussian_filter(image.numpy(), (sigma, sigma, 0), mode="constant", truncate=3))
+    blurred = torch.from_numpy(
+        scipy.ndimage.gaussian_filter(image.numpy(), (sigma, sigma, 0), mode="constant", truncate=3)
+    )
     return (blurred[mask] / torch.from_numpy(weight)[mask][:, None]).to(values.device)

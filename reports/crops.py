@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from scipy.ndimage import uniform_filter
+import scipy
 
 from .pictures import Floats, Mask
 
@@ -36,7 +36,7 @@ def crops_of(errors: Sequence[Floats], mask: Mask, limit: float, n: int = 2) -> 
     clipped = [np.where(mask & np.isfinite(error), np.minimum(np.abs(error), limit), 0) for error in errors]
     if not clipped:
         return []
-    score = uniform_filter(np.mean(clipped, axis=0), side, mode="constant")
+    score = scipy.ndimage.uniform_filter(np.mean(clipped, axis=0), side, mode="constant")
     # uniform_filter centres its windows: score[i + side // 2] is that of the window that begins at i.
     height, width = (size - side + 1 for size in mask.shape)
     left = np.array(score[side // 2 : side // 2 + height, side // 2 : side // 2 + width])

@@ -1,6 +1,7 @@
 """The HTML report of a study: one file, read from what the run left on disk, that opens without a network."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,7 @@ def write_report(folder: Path) -> Path:
     return path
 
 
+@cache
 def _templates() -> Environment:
     """Templates that escape all that they are given, and stop where something is missing."""
     templates = Environment(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from glossbench.comparisons import noise_of
 from glossbench.metrics import METRICS
@@ -178,5 +178,5 @@ def _mean(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tupl
     mean = table.mean(axis=1)
     if n < 3:
         return back(mean), None
-    half = student.ppf(0.5 + CONFIDENCE / 2, n - 1) * table.std(axis=1, ddof=1) / np.sqrt(n)
+    half = stdtrit(n - 1, 0.5 + CONFIDENCE / 2) * table.std(axis=1, ddof=1) / np.sqrt(n)
     return back(mean), (back(mean - half), back(mean + half))

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -26,6 +27,7 @@ from glossbench.envmap.files import read_image, write_exr
 from glossbench.envmap.lights import light_named
 from glossbench.options import option_names
 from glossbench.results import Results
+from glossbench.runner import run_study
 from glossbench.study import load_study
 from glossbench.study_files import study_files
 
@@ -76,7 +78,8 @@ def call(monkeypatch, capsys):
     return called
 
 
-def test_a_run_says_what_of_a_mesh_was_repaired(call, here):
+@pytest.mark.usefixtures("without_reports")
+def test_a_run_says_what_of_a_mesh_was_repaired(call):
     corners = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\n"
     Path("quad.obj").write_text(corners + "f 1 2 3\nf 1 3 4\nf 1 1 2\n")
     study = STUDY | {"view": {"mesh": {"shape": "quad.obj", "resolution": 4, "azimuth": 0, "elevation": 0}}}
@@ -85,6 +88,26 @@ def test_a_run_says_what_of_a_mesh_was_repaired(call, here):
     called = call("run", "quad.yaml")
 
     assert called.err.count("note: mesh quad.obj: left out 1 of 3 faces, which have no area") == 1
+
+
+@pytest.fixture
+def without_reports(monkeypatch):
+    """Reports take most of the time of a small run, and no one looks at them here."""
+    monkeypatch.setattr(cli, "_report_writers", lambda: {"html": lambda folder: folder / "report.html"})
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Results of one method of the small study, without reports."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "tiny.yaml").write_text(yaml.safe_dump(STUDY))
+    return run_study(load_study(folder / "tiny.yaml").only(["importance_sampling"]), folder / "results").folder
+
+
+@pytest.fixture
+def results(made, here):
+    """A folder of results of one's own."""
+    return shutil.copytree(made, here / "results" / "tiny")
 
 
 def written(**changes: Any) -> str:
@@ -151,12 +174,14 @@ def test_another_process_prints_the_same_kind_of_end(here):
     assert (here / "elsewhere" / "cells.parquet").is_file()
 
 
+@pytest.mark.usefixtures("without_reports")
 def test_a_folder_whose_name_looks_like_markup_is_printed_as_it_is(call):
     out = call("run", "tiny.yaml", "-f", "importance_sampling", "-o", "a[bold]b").out
 
-    assert out.splitlines()[-2] == "report: a[bold]b/report.html"
+    assert out.splitlines()[-1] == "report: a[bold]b/report.html"
 
 
+@pytest.mark.usefixtures("without_reports")
 def test_a_failed_cell_is_told_and_the_exit_code_is_1(call, monkeypatch):
     from glossbench.methods.importance_sampling import ImportanceSampling
 
@@ -173,6 +198,7 @@ def test_a_failed_cell_is_told_and_the_exit_code_is_1(call, monkeypatch):
     monkeypatch.undo()
 
 
+@pytest.mark.usefixtures("without_reports")
 def test_failed_cells_are_mended_by_rerun_failed(call, monkeypatch):
     from glossbench.methods.importance_sampling import ImportanceSampling
 
@@ -200,6 +226,7 @@ def call_raising(error: type[Exception], *arguments: str) -> bool:
     return True
 
 
+@pytest.mark.usefixtures("without_reports")
 def test_only_the_named_methods_run_and_the_study_on_disk_says_so(call):
     assert call("run", "tiny.yaml", "-f", "environment_sampling").code == 0
 
@@ -209,6 +236,7 @@ def test_only_the_named_methods_run_and_the_study_on_disk_says_so(call):
     assert again.claims == ()
 
 
+@pytest.mark.usefixtures("without_reports")
 def test_the_seed_reaches_the_reference_and_the_methods(call):
     call("run", "tiny.yaml", "--seed", 5, "-f", "importance_sampling")
 
@@ -229,13 +257,14 @@ def test_a_light_on_the_command_line_replaces_those_of_the_study(call):
     assert all(line.startswith("file {") and '"file": "probe.exr"' in line for line in lines[:-1])
 
 
+@pytest.mark.usefixtures("without_reports")
 def test_a_run_under_another_light_writes_beside_the_study_s_own_results(call):
     write_exr("probe.exr", torch.ones(8, 16, 3))
 
     code, out, _ = call("run", "tiny.yaml", "--light", "probe.exr", "-f", "importance_sampling")
 
     assert code == 0
-    assert out.splitlines()[-2] == "report: results/tiny_probe/report.html"
+    assert out.splitlines()[-1] == "report: results/tiny_probe/report.html"
     assert Results("results/tiny_probe").study["light"][0]["file"]["file"] == "probe.exr"
 
 
@@ -387,18 +416,6 @@ def test_a_wrong_call_is_one_line_and_nothing_is_written(call, here, arguments, 
     assert (code, out) == (2, "")
     assert err.startswith(message)
     assert err.count("\n") == 1
-    assert everything(here) == before
-
-
-def test_another_process_ends_with_2_and_one_line(here):
-    study = written(light=image("p.hdr", PNG))
-    before = everything(here)
-
-    done = subprocess.run(process("run", study), capture_output=True, text=True)
-
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("error: ")
-    assert done.stderr.count("\n") == 1
     assert everything(here) == before
 
 
@@ -688,17 +705,16 @@ def test_half_blocks_show_two_pixels_a_character():
     ]  # fmt: skip
 
 
-def test_a_terminal_is_drawn_on_and_a_pipe_is_not(here):
-    seen = {}
-    for name, forced in (("pipe", {}), ("terminal", {"FORCE_COLOR": "1", "COLORTERM": "truecolor", "COLUMNS": "40"})):
-        environment = {**os.environ, **forced}
-        done = subprocess.run(process("light", "gradient"), capture_output=True, text=True, env=environment)
-        assert (done.returncode, done.stderr) == (0, "")
-        seen[name] = done.stdout
+def test_a_terminal_is_drawn_on_and_a_pipe_is_not(call):
+    environment = {**os.environ, "FORCE_COLOR": "1", "COLORTERM": "truecolor", "COLUMNS": "40"}
 
-    assert "▀" not in seen["pipe"]
-    assert seen["terminal"].count("▀") == 40 * 10
-    assert "\x1b[38;2;" in seen["terminal"]
+    terminal = subprocess.run(process("light", "gradient"), capture_output=True, text=True, env=environment)
+    pipe = call("light", "gradient")
+
+    assert (terminal.returncode, terminal.stderr) == (pipe.code, pipe.err) == (0, "")
+    assert "▀" not in pipe.out
+    assert terminal.stdout.count("▀") == 40 * 10
+    assert "\x1b[38;2;" in terminal.stdout
 
 
 def test_a_run_takes_the_name_of_a_light(call):
@@ -768,47 +784,63 @@ def test_data_fetch_without_a_network_is_one_line(call, monkeypatch):
 # The Tab key
 
 
-def completed(line: str, shell: str = "bash") -> list[str]:
-    """What another process offers after a line; it must not have imported torch."""
-    given = {
-        "bash": {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)},
-        "zsh": {"_TYPER_COMPLETE_ARGS": line},
-        "fish": {"_TYPER_COMPLETE_ARGS": line, "_TYPER_COMPLETE_FISH_ACTION": "get-args"},
-    }[shell]
-    code = "import atexit, sys\n" \
-        "atexit.register(lambda: print('torch' in sys.modules, file=sys.stderr))\n" \
-        "sys.argv[0] = 'glossbench'\nfrom glossbench.cli import main; main()"  # fmt: skip
-    environment = {**os.environ, "_GLOSSBENCH_COMPLETE": f"complete_{shell}", **given}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-    assert done.stderr == "False\n"
-    return done.stdout.split()
+OFFERED = {
+    "glossbench run qui": ["quickstart"],
+    "glossbench validate qui": ["quickstart"],
+    "glossbench run quickstart --light grace_l": ["grace_latlong"],
+    "glossbench run quickstart --light spo": ["spots"],
+    "glossbench run quickstart -f regular": ["regular_sampling"],
+    "glossbench check-method env": ["environment_sampling"],
+    "glossbench info quick": ["quickstart"],
+    "glossbench info kur": ["kurt"],
+    "glossbench data fetch teap": ["teapot"],
+    "glossbench figure results conv": ["convergence"],
+    "glossbench light orient": ["orientation"],
+    "glossbench vali": ["validate"],
+    "glossbench run ./my": [],
+}
+COMPLETE = """
+import contextlib, io, json, os, sys
+from glossbench.cli import main
+sys.argv[0] = "glossbench"
+said = []
+for variables in json.loads(sys.stdin.read()):
+    os.environ.update(variables)
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(SystemExit):
+        main()
+    said.append(out.getvalue())
+print(json.dumps([said, "torch" in sys.modules]))
+"""
 
 
-@pytest.mark.parametrize(
-    ("line", "offered"),
-    [
-        ("glossbench run qui", ["quickstart"]),
-        ("glossbench validate qui", ["quickstart"]),
-        ("glossbench run quickstart --light grace_l", ["grace_latlong"]),
-        ("glossbench run quickstart --light spo", ["spots"]),
-        ("glossbench run quickstart -f regular", ["regular_sampling"]),
-        ("glossbench check-method env", ["environment_sampling"]),
-        ("glossbench info quick", ["quickstart"]),
-        ("glossbench info kur", ["kurt"]),
-        ("glossbench data fetch teap", ["teapot"]),
-        ("glossbench figure results conv", ["convergence"]),
-        ("glossbench light orient", ["orientation"]),
-        ("glossbench vali", ["validate"]),
-        ("glossbench run ./my", []),
-    ],
-)
-def test_the_tab_key_offers_names_without_importing_torch(line, offered):
-    assert completed(line) == offered
+@pytest.fixture(scope="module")
+def completed():
+    """What another process offers after lines, by line and shell, and whether it has imported torch."""
+    asked = {(line, "bash"): {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)} for line in OFFERED}
+    asked["glossbench run qui", "zsh"] = {"_TYPER_COMPLETE_ARGS": "glossbench run qui"}
+    asked["glossbench run qui", "fish"] = asked["glossbench run qui", "zsh"] | {
+        "_TYPER_COMPLETE_FISH_ACTION": "get-args"
+    }
+    variables = [given | {"_GLOSSBENCH_COMPLETE": f"complete_{shell}"} for (_, shell), given in asked.items()]
+    command = [sys.executable, "-c", COMPLETE]
+    done = subprocess.run(command, input=json.dumps(variables), capture_output=True, text=True, check=True)
+    said, has_torch = json.loads(done.stdout)
+    return dict(zip(asked, said, strict=True)), has_torch
+
+
+@pytest.mark.parametrize("line", OFFERED)
+def test_the_tab_key_offers_names_without_importing_torch(completed, line):
+    said, has_torch = completed
+
+    assert said[line, "bash"].split() == OFFERED[line]
+    assert not has_torch
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_are_offered_the_same(shell):
-    assert "quickstart" in " ".join(completed("glossbench run qui", shell))
+def test_other_shells_are_offered_the_same(completed, shell):
+    said, _ = completed
+
+    assert "quickstart" in said["glossbench run qui", shell]
 
 
 def test_completion_can_be_shown_for_installation(call):
@@ -832,12 +864,12 @@ def test_results_are_offered_as_folders():
 
 
 def test_importing_glossbench_imports_torch_only_when_a_name_is_asked_for():
-    told = "print(before, 'torch' in sys.modules)"
-    code = f"import sys, glossbench as gb\nbefore = 'torch' in sys.modules\ngb.Method\n{told}"
+    code = "import sys, glossbench as gb\nprint('torch' in sys.modules)\nsys.modules['torch'] = None\n" \
+        "try: gb.Method\nexcept ModuleNotFoundError as error: print(error.name)"  # fmt: skip
 
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
 
-    assert (done.stdout, done.stderr) == ("False True\n", "")
+    assert (done.stdout, done.stderr) == ("False\ntorch\n", "")
 
 
 def test_every_public_name_can_be_imported():
@@ -861,24 +893,33 @@ def test_sys_info_names_versions_and_the_machine(call):
     assert {"glossbench", "python", "numpy", "platform", "processor", "cores", "cuda"} <= set(said)
 
 
-def test_report_writes_the_reports_again_or_one_of_them(call):
-    call("run", "tiny.yaml", "-f", "importance_sampling")
-    paths = {name: Path(f"results/tiny/report.{name}") for name in ("html", "pdf")}
-    said = {name: f"report: {path}\n" for name, path in paths.items()}
-    for flags, names in (([], ["html", "pdf"]), (["--pdf"], ["pdf"]), (["--html"], ["html"]),
-                         (["--pdf", "--html"], ["html", "pdf"])):  # fmt: skip
-        for path in paths.values():
-            path.unlink(missing_ok=True)
+@pytest.mark.usefixtures("results")
+def test_report_writes_the_reports_again(call):
+    paths = [Path(f"results/tiny/report.{name}") for name in ("html", "pdf")]
 
-        code, out, _ = call("report", "results/tiny", *flags)
+    code, out, _ = call("report", "results/tiny")
 
-        assert (code, out) == (0, "".join(said[name] for name in names))
-        assert [name for name, path in paths.items() if path.is_file()] == names
+    assert (code, out) == (0, "".join(f"report: {path}\n" for path in paths))
+    assert [path.read_bytes()[:4] for path in paths] == [b"<!DO", b"%PDF"]
 
 
+@pytest.mark.usefixtures("results")
+@pytest.mark.parametrize(
+    ("flags", "names"), [([], "html pdf"), (["--pdf"], "pdf"), (["--html"], "html"), (["--pdf", "--html"], "html pdf")]
+)
+def test_report_writes_those_that_are_asked_for(call, monkeypatch, flags, names):
+    written = []
+    writers = {name: lambda folder, name=name: written.append(name) or folder / name for name in ("html", "pdf")}
+    monkeypatch.setattr(cli, "_report_writers", lambda: writers)
+
+    code, out, _ = call("report", "results/tiny", *flags)
+
+    assert (code, out) == (0, "".join(f"report: results/tiny/{name}\n" for name in written))
+    assert written == names.split()
+
+
+@pytest.mark.usefixtures("results")
 def test_figures_are_listed_and_written(call):
-    call("run", "tiny.yaml", "-f", "importance_sampling")
-
     _, listed, _ = call("figure", "results/tiny")
     code, out, _ = call("figure", "results/tiny", "crops", "--crop", "1,2,3,4", "-o", "c.svg")
     by_default = call("figure", "results/tiny", "answer").out
@@ -903,9 +944,8 @@ def test_figures_are_listed_and_written(call):
         (["crops", "-o", "a.gif"], "error: a.gif: the extension must be .pdf, .svg or .png, got '.gif'"),
     ],
 )
+@pytest.mark.usefixtures("results")
 def test_a_wrong_call_of_figure_is_one_line(call, arguments, message):
-    call("run", "tiny.yaml", "-f", "importance_sampling")
-
     code, out, err = call("figure", "results/tiny", *arguments)
 
     assert (code, out) == (2, "")

@@ -7,17 +7,19 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
 
+from glossbench.costs import timed
 from glossbench.errors import MethodError
 from glossbench.results import Results
 from glossbench.runner import Progress, run_study
 from glossbench.shading import METHODS
-from glossbench.study import load_study
+from glossbench.study import Study, load_study
 from glossbench.time_limit import GRACE, time_limit
 
 TIMES = ["stage_seconds", "update_seconds", "shade_seconds", "reference_seconds"]
@@ -87,19 +89,23 @@ plugins: [hostile_plugin]
 @pytest.fixture
 def study_of(tmp_path, monkeypatch):
     """Makes a study of decent cells before and after a hostile one, whose body is given."""
+    return maker(tmp_path, monkeypatch)
+
+
+def maker(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Study]:
     METHODS.names()
     monkeypatch.setattr(METHODS, "_classes", dict(METHODS._classes))
-    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.syspath_prepend(folder)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
 
     def make(shade="pass", stage="pass", supports="return None", n_samples="self.samples", limit=60.0, hostile=True):
         code = PLUGIN.format(shade=shade, stage=stage, supports=supports, n_samples=n_samples)
-        (tmp_path / "hostile_plugin.py").write_text(code)
+        (folder / "hostile_plugin.py").write_text(code)
         monkeypatch.delitem(sys.modules, "hostile_plugin", raising=False)
         for name in ("hostile", "decent"):
             METHODS._classes.pop(name, None)
         methods = "[decent, hostile, {decent: {samples: 3}}]" if hostile else "[decent, {decent: {samples: 3}}]"
-        path = tmp_path / "s.yaml"
+        path = folder / "s.yaml"
         path.write_text(STUDY.replace("METHODS", methods).replace("LIMIT", str(limit)))
         return load_study(path)
 
@@ -115,10 +121,18 @@ def decent_cells(folder: Path) -> list[tuple[Any, ...]]:
     return [*zip(rows.to_json(orient="records", lines=True).splitlines(), images, strict=True)]
 
 
-@pytest.fixture
-def undisturbed(study_of, tmp_path):
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
     """The decent cells of a run without the hostile one."""
-    return decent_cells(run_study(study_of(hostile=False), tmp_path / "undisturbed").folder)
+    folder = tmp_path_factory.mktemp("undisturbed")
+    with pytest.MonkeyPatch.context() as patch:
+        return decent_cells(run_study(maker(folder, patch)(hostile=False), folder / "r").folder)
+
+
+@pytest.fixture(autouse=True)
+def once(monkeypatch):
+    """No work is run again to be timed: times are not looked at here."""
+    monkeypatch.setattr("glossbench.shading.timed", lambda work, device, patience: timed(work, device, 0))
 
 
 # Body of shade, and the last line of the reason.

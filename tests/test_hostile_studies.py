@@ -335,13 +335,13 @@ def test_what_is_refused_is_refused_before_it_takes_memory(name):
 
 def seconds_to_load(n: int) -> float:
     Path("many.yaml").write_text(a_study(methods=f"{{importance_sampling: {{samples: {list(range(1, n + 1))}}}}}"))
-    started = time.perf_counter()
+    started = time.process_time()
     assert len(load_study("many.yaml").cells()) == n
-    return time.perf_counter() - started
+    return time.process_time() - started
 
 
 def test_the_time_to_load_grows_with_the_cells_and_not_with_their_square():
-    few, many = (min(seconds_to_load(n) for _ in range(3)) for n in (500, 5000))
+    few, many = min(seconds_to_load(500) for _ in range(3)), seconds_to_load(5000)
 
     # Measured: 6.7 times the cells take 6.2 times as long; comparing all with all, 3 times took 9.4 times as long.
     assert many < 30 * few

@@ -162,6 +162,7 @@ def test_text_of_a_study_is_escaped(page):
 def test_escape_check_notices_a_template_that_does_not_escape(folder, monkeypatch, text_only):
     plain = html.Environment
     monkeypatch.setattr(html, "Environment", lambda **options: plain(**options | {"autoescape": False}))
+    monkeypatch.setattr(html, "_templates", html._templates.__wrapped__)  # past its cache
 
     with pytest.raises(AssertionError):
         check_escaped(html.write_report(folder).read_text(encoding="utf-8"))

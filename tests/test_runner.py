@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -16,6 +18,7 @@ import pytest
 import torch
 from pydantic import Field
 
+from glossbench.costs import timed
 from glossbench.errors import InputError
 from glossbench.items import Tune
 from glossbench.metrics import METRICS, Metric
@@ -95,34 +98,56 @@ class Distance(Metric):
         return x.mean(axis=2) - 0.37
 
 
-@pytest.fixture(autouse=True)
-def names(monkeypatch):
+def registered(patch: pytest.MonkeyPatch) -> None:
+    """The methods and the metric of this file can be named; no work is run again to be timed."""
+    patch.setattr("glossbench.shading.timed", lambda work, device, patience: timed(work, device, 0))
     METHODS.names()
     METRICS.names()
     for cls in (Flat, Other, Reckless):
-        monkeypatch.setitem(METHODS._classes, cls.name, cls)
-    monkeypatch.setitem(METRICS._classes, "distance", Distance)
-    monkeypatch.setattr(Flat, "fails", False)
+        patch.setitem(METHODS._classes, cls.name, cls)
+    patch.setitem(METRICS._classes, "distance", Distance)
+    patch.setattr(Flat, "fails", False)
+
+
+@pytest.fixture(autouse=True)
+def names(monkeypatch):
+    registered(monkeypatch)
     CALLS.clear()
+
+
+def study_in(folder: Path, **changes: Any) -> Study:
+    """A small study; keys that are given replace its own."""
+    keys = {
+        "title": "T",
+        "light": "{gradient: {resolution: 16}}",
+        "material": "{ggx: {alpha: 0.5}}",
+        "view": "{sphere: {resolution: 8}}",
+        "methods": "{flat: {samples: [1, 2, 3]}}",
+        "reference": "{relative_error: 0.05}",
+    } | changes
+    (folder / "s.yaml").write_text("".join(f"{key}: {value}\n" for key, value in keys.items()))
+    return load_study(folder / "s.yaml")
 
 
 @pytest.fixture
 def study_of(tmp_path):
-    """Makes a small study; keys that are given replace its own."""
+    """Makes a small study."""
+    return partial(study_in, tmp_path)
 
-    def make(**changes: Any) -> Study:
-        keys = {
-            "title": "T",
-            "light": "{gradient: {resolution: 16}}",
-            "material": "{ggx: {alpha: 0.5}}",
-            "view": "{sphere: {resolution: 8}}",
-            "methods": "{flat: {samples: [1, 2, 3]}}",
-            "reference": "{relative_error: 0.05}",
-        } | changes
-        (tmp_path / "s.yaml").write_text("".join(f"{key}: {value}\n" for key, value in keys.items()))
-        return load_study(tmp_path / "s.yaml")
 
-    return make
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    """The results of that study as it is."""
+    folder = tmp_path_factory.mktemp("first")
+    with pytest.MonkeyPatch.context() as patch:
+        registered(patch)
+        return run_study(study_in(folder), folder / "r").folder
+
+
+@pytest.fixture
+def first_again(first, tmp_path):
+    """They, in a folder of one's own."""
+    return shutil.copytree(first, tmp_path / "r")
 
 
 def remains(folder: Path) -> dict[str, bytes]:
@@ -161,17 +186,28 @@ EVERY_KIND = {
 }
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A study with a cell of each kind, and the results of its run when nobody stops it."""
+    folder = tmp_path_factory.mktemp("whole")
+    with pytest.MonkeyPatch.context() as patch:
+        registered(patch)
+        patch.setattr(Flat, "fails", True)
+        study = study_in(folder, **EVERY_KIND)
+        return study, run_study(study, folder / "unbroken")
+
+
 @pytest.fixture
-def unbroken(study_of, tmp_path, monkeypatch):
-    """A study with a cell of each kind, and what its run leaves when nobody stops it."""
+def unbroken(whole, monkeypatch):
+    """That study, and what its run leaves."""
     monkeypatch.setattr(Flat, "fails", True)
-    study = study_of(**EVERY_KIND)
-    run_study(study, tmp_path / "unbroken")
-    return study, remains(tmp_path / "unbroken")
+    study, results = whole
+    return study, remains(results.folder)
 
 
-def test_every_kind_of_cell_is_in_the_unbroken_run(unbroken, tmp_path):
-    cells = Results(tmp_path / "unbroken").cells
+def test_every_kind_of_cell_is_in_the_unbroken_run(whole):
+    _, results = whole
+    cells = results.cells
 
     assert list(cells["status"]) == ["done", "failed", "skipped", "done", "done"]
 
@@ -237,10 +273,11 @@ def test_files_written_in_place_would_not_survive(study_of, tmp_path, monkeypatc
         run_study(study_of(), tmp_path / "r")
 
 
-def test_the_comparison_notices_one_changed_bit(unbroken, tmp_path):
+def test_the_comparison_notices_one_changed_bit(whole, unbroken, tmp_path):
     """Twin of the above: an image whose last byte is another."""
-    study, expected = unbroken
-    results = run_study(study, tmp_path / "again")
+    _, expected = unbroken
+    results = Results(shutil.copytree(whole[1].folder, tmp_path / "again"))
+    assert remains(results.folder) == expected
     image = next((results.folder / "images").glob("*.exr"))
 
     image.write_bytes(image.read_bytes()[:-1] + bytes([image.read_bytes()[-1] ^ 1]))
@@ -340,7 +377,7 @@ def test_a_failing_cell_keeps_its_traceback_and_the_run_goes_on(study_of, tmp_pa
     assert not (tmp_path / "r" / "images" / f"{cells['key'][1]}.exr").exists()
 
 
-def test_a_failed_cell_alone_is_tried_again_when_asked(study_of, tmp_path, monkeypatch):
+def test_a_failed_cell_alone_is_tried_again_when_asked(study_of, first, tmp_path, monkeypatch):
     study = study_of()
     with monkeypatch.context() as patch:
         patch.setattr(Flat, "fails", True)
@@ -354,8 +391,7 @@ def test_a_failed_cell_alone_is_tried_again_when_asked(study_of, tmp_path, monke
     assert (list(kept["status"]), calls) == (["done", "failed", "done"], {})
     assert list(cells["status"]) == ["done"] * 3
     assert {name for name in CALLS if name.startswith("flat")} == {"flat 2"}
-    run_study(study, tmp_path / "unbroken")
-    assert remains(tmp_path / "r") == remains(tmp_path / "unbroken")
+    assert remains(tmp_path / "r") == remains(first)
 
 
 def test_fail_fast_raises_what_the_cell_raised_and_keeps_the_cells_before(study_of, tmp_path, monkeypatch):
@@ -436,22 +472,19 @@ def test_the_same_study_computes_nothing_again(study_of, tmp_path, monkeypatch):
     assert remains(tmp_path / "r") == before
 
 
-def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, tmp_path, monkeypatch):
+def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, first_again, monkeypatch):
     from glossbench import runner
 
-    study = study_of()
-    run_study(study, tmp_path / "r")
-    before = remains(tmp_path / "r")
-    CALLS.clear()
+    before = remains(first_again)
     made = []
     really = runner.compute_reference
     monkeypatch.setattr(runner, "compute_reference", lambda *args: made.append(args) or really(*args))
 
-    run_study(study, tmp_path / "r", use_cache=False)
+    run_study(study_of(), first_again, use_cache=False)
 
     assert {"flat 1", "flat 2", "flat 3"} <= set(CALLS)
     assert len(made) == 1
-    assert remains(tmp_path / "r") == before
+    assert remains(first_again) == before
 
 
 @pytest.mark.parametrize(
@@ -469,21 +502,21 @@ def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, 
     ],
     ids=lambda value: next(iter(value.items())).__str__() if isinstance(value, dict) else "",
 )
-def test_whatever_changes_a_number_changes_the_key(study_of, tmp_path, change, new_reference):
-    first = run_study(study_of(), tmp_path / "r").cells
+def test_whatever_changes_a_number_changes_the_key(study_of, first_again, change, new_reference):
+    first = Results(first_again).cells
 
-    second = run_study(study_of(**change), tmp_path / "r").cells
+    second = run_study(study_of(**change), first_again).cells
 
     assert set(first["key"]).isdisjoint(second["key"])
     assert (first["reference_key"][0] != second["reference_key"][0]) == new_reference
 
 
 @pytest.mark.parametrize("change", [{"title": "U"}, {"question": "why"}, {"claims": "[]"}])
-def test_what_changes_no_number_changes_no_key(study_of, tmp_path, change):
+def test_what_changes_no_number_changes_no_key(study_of, first_again, change):
     """Twin of the above."""
-    first = run_study(study_of(), tmp_path / "r").cells
+    first = Results(first_again).cells
 
-    second = run_study(study_of(**change), tmp_path / "r").cells
+    second = run_study(study_of(**change), first_again).cells
 
     assert list(first["key"]) == list(second["key"])
 

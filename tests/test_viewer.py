@@ -6,7 +6,7 @@ import time
 import urllib.parse
 import zlib
 from base64 import b64encode
-from functools import partial
+from functools import cache, partial
 from hashlib import sha256
 from types import SimpleNamespace
 
@@ -30,9 +30,18 @@ PAINTERS = ("plain", "webgl2")
 
 @pytest.fixture(scope="module", autouse=True)
 def without_plots():
-    """Drawing takes most of the time of a report, and no one looks at it here."""
+    """Drawing takes most of the time of a report, and no one looks at it here; a FLIP map is made once an image."""
+    made, really = {}, payload._flip
+
+    def flip(image, reference, mask, n):
+        key = sha256(b"".join(each.tobytes() for each in (image, reference, mask))).hexdigest(), n
+        if key not in made:
+            made[key] = really(image, reference, mask, n)
+        return made[key]
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "svg", lambda *_: "")
+        patch.setattr(payload, "_flip", flip)
         yield
 
 
@@ -67,6 +76,7 @@ def read_exr(path):
     return np.asarray(OpenEXR.File(str(path)).channels()["RGB"].pixels, dtype=np.float64)
 
 
+@cache
 def truth(folder, index, group=0):
     """Image and reference on disk, and the mask; index 0 is the reference."""
     y = read_exr(folder / "references" / f"ref{group}.exr")
@@ -128,15 +138,18 @@ def error_of(mode, x, y):
             return (2 * np.abs(x - y) / np.maximum(np.abs(x) + np.abs(y), 1e-30)).mean(axis=2)
 
 
+@cache
+def errors_of(folder, mode):
+    """The errors of all images of the first group."""
+    images = {i: truth(folder, i) for i in range(1, len(CELLS) + 1)}
+    if mode == "flip":
+        return {i: FLIP().errors(image.x, image.y * image.mask[..., None], image.mask) for i, image in images.items()}
+    return {i: error_of(mode, image.x, image.y) for i, image in images.items()}
+
+
 def check_error(page, folder, mode, index, limit=None, pane=0):
     """A pane shows an error in the colours of one scale for all images of the group."""
-    errors = {}
-    for i in range(1, len(CELLS) + 1):
-        image = truth(folder, i)
-        if mode == "flip":
-            errors[i] = FLIP().errors(image.x, image.y * image.mask[..., None], image.mask)
-        else:
-            errors[i] = error_of(mode, image.x, image.y)
+    errors = errors_of(folder, mode)
     mask = truth(folder, 0).mask
     limit = limit or np.percentile(np.abs(np.concatenate([error[mask] for error in errors.values()])), 99.5)
     v = np.clip(errors[index] / limit, -1, 1)

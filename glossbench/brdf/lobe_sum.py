@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
+import scipy
 import torch
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe
@@ -119,5 +119,5 @@ def _fit(
     bounds = np.repeat([[0.0], [np.log(LARGEST)]], n, axis=1), np.repeat([[-20.0], [20.0]], n, axis=1)
     limits = [np.concatenate([b[i] for b in bounds]) for i in (0, 1)]
     x = np.concatenate([np.log(np.clip(start, 1.001, LARGEST / 1.001)), np.zeros(n)])
-    found = least_squares(residual, x, bounds=limits, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200)
+    found = scipy.optimize.least_squares(residual, x, bounds=limits, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200)
     return parts(found.x)

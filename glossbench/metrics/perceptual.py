@@ -5,8 +5,8 @@ from typing import Annotated, NamedTuple
 
 import flip_evaluator
 import numpy as np
+import skimage
 from pydantic import Field
-from skimage.metrics import structural_similarity
 
 from glossbench.metrics.metric import METRICS, Floats, Mask, Metric
 from glossbench.srgb import encoded
@@ -104,7 +104,7 @@ class SSIM(Metric):
         start, stop, _ = exposures(y, mask)
         edge = ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0))
         images = [np.pad(displayed(image, (start + stop) / 2), edge) for image in (x, y)]
-        _, similarity = structural_similarity(
+        _, similarity = skimage.metrics.structural_similarity(
             *images, data_range=1.0, channel_axis=2, full=True,
             gaussian_weights=True, sigma=1.5, truncate=WINDOW / 1.5, use_sample_covariance=False,
         )  # fmt: skip

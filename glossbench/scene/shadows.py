@@ -5,13 +5,14 @@ from math import pi
 from typing import Any, Literal, Protocol
 
 import numpy as np
+import scipy
 import torch
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
 from glossbench.directions import Vec3, stack
+from glossbench.fusion import untraced
 from glossbench.scene.camera import framing
 from glossbench.scene.mesh import Mesh
 from glossbench.scene.points import Occluder, ShadingPoints
@@ -49,7 +50,7 @@ class RayShadows:
     direction: Vec3
     occluder: Occluder
 
-    @torch.compiler.disable
+    @untraced
     def visible(self, points: ShadingPoints) -> Tensor:
         """Ones and zeros (P, N); a light behind the surface is hidden."""
         assert points.position is not None
@@ -165,7 +166,7 @@ def _rendered(
     # Above the lowest vertex, so that nothing is 0, as is what the blur finds beyond the image.
     height = np.where(np.isfinite(hit), origins @ back - hit - lowest, 0.0).reshape(resolution, resolution)
     texel = 2 * camera.half / resolution
-    blurred = [gaussian_filter(m, deviation / texel, mode="constant") for m in (height, height**2)]
+    blurred = [scipy.ndimage.gaussian_filter(m, deviation / texel, mode="constant") for m in (height, height**2)]
     x, y = camera.middle[:2] / camera.half
     placing = np.vstack([[*right / camera.half, -x], [*-up / camera.half, y], [*back, -lowest]])
     return np.stack(blurred).astype(np.float32), placing, texel

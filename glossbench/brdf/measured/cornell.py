@@ -5,10 +5,10 @@ from math import pi, radians, sin
 from pathlib import Path
 
 import numpy as np
+import scipy
 import torch
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 from torch import Tensor
 
 from glossbench.brdf.lobe import Channels
@@ -156,7 +156,9 @@ def factored(samples: Samples, device: str) -> FactoredTable:
 
 def _near(samples: Samples) -> Tensor:
     """Which cells lie within 7 degrees of a sample, or of the sample seen the other way round."""
-    tree = cKDTree(np.concatenate([_canonical(samples.wi, samples.wo), _canonical(samples.wo, samples.wi)]))
+    tree = scipy.spatial.cKDTree(
+        np.concatenate([_canonical(samples.wi, samples.wo), _canonical(samples.wo, samples.wi)])
+    )
     centre = (torch.arange(CELLS, dtype=torch.float64) + 0.5) / CELLS
     i, o, phi = (c.flatten() for c in torch.meshgrid(centre * pi / 2, centre * pi / 2, centre * pi, indexing="ij"))
     cells = _canonical(spherical(i, torch.zeros_like(i)), spherical(o, phi))

@@ -5,9 +5,9 @@ from math import pi
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 import torch
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear, minimize
 
 from glossbench.brdf.cosine_lobe import MIRROR, cosine_lobe
 from glossbench.brdf.kurt import FreeShadowing, Kurt, KurtLobe
@@ -73,7 +73,7 @@ def fit_lobes(lobe: MeasuredLobe, model: Model, n_lobes: int) -> Fit:
     for _ in range(n_lobes):
         starts = [np.append(x, [np.log(m), 0.3]) for m in WIDTHS]
         begin = min(starts, key=lambda start: _residual(start, nodes, model))
-        x = minimize(
+        x = scipy.optimize.minimize(
             _residual, begin, (nodes, model), "Nelder-Mead", options={"maxfev": 150 * len(begin), "fatol": 1e-6}
         ).x
     material = _material(x, nodes, model)
@@ -154,7 +154,7 @@ def _factors(columns: Floats, nodes: _Nodes) -> Floats:
     right = nodes.weight[:, None] * nodes.values
     # A normal factorization first: the bounded solver then has K rows in place of N.
     q, r = np.linalg.qr(nodes.weight[:, None] * columns)
-    return np.stack([lsq_linear(r, b, (0, 1), method="bvls").x for b in (q.T @ right).T], 1)
+    return np.stack([scipy.optimize.lsq_linear(r, b, (0, 1), method="bvls").x for b in (q.T @ right).T], 1)
 
 
 def _residual(x: Floats, nodes: _Nodes, model: Model) -> float:
