@@ -13,7 +13,8 @@ function logScale(values, [from, to], margin = 1.5) {
     value === 0 ? from + (ZERO_SLOT / 3) * Math.sign(to - from)
       : start + ((to - start) * Math.log(value / low)) / Math.log(high / low);
   const { major, minor } = positive.length ? logTicks(low, high, Math.abs(to - start)) : { major: [], minor: [] };
-  return { at, low, high, hasZero, major: hasZero ? [0, ...major] : major, minor };
+  const apart = major.filter((value) => !hasZero || Math.abs(at(value) - at(0)) > 30); // a label's width from that of zero
+  return { at, low, high, hasZero, major: hasZero ? [0, ...apart] : apart, minor };
 }
 
 // Decades where there are two or more; else 1, 2 and 5; else what is in between; as many as there is room for.
