@@ -6,7 +6,7 @@ claims.json         the verdicts
 provenance.json     versions, hardware, times
 cells/KEY.json      the row of one cell; its presence means that the cell is done
 images/KEY.exr      its image; KEY_half_vectors.npy the pattern and KEY_state_NAME.exr pictures of its state, where a
-                    method has them
+                    method has them; KEY_flip_N.npz a FLIP map, once a page was made, of N x N pixels averaged
 references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels,
 references/KEY.json its numbers
 """

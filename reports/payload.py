@@ -7,8 +7,9 @@ it, which the page loads as a script when it is looked at: the only thing that a
 
 import zlib
 from base64 import b64encode
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from math import ceil, log2, sqrt
 from pathlib import Path
@@ -155,7 +156,8 @@ def _images(
     step = max(1, len(group.done) * int(mask.sum()) // RANGE_SAMPLES)
     for cell in group.done:
         image = results.image(cell.row["key"]).astype(np.float64)
-        flip = _flip(image, reference, mask, reduction)
+        at = results.folder / "images" / f"{cell.row['key']}_flip_{reduction}.npz"
+        flip = _kept(at, partial(_flip, image, reference, mask, reduction))
         for mode, seen in ranges.items():
             seen.append(
                 flip[mask][::step] if mode == "flip" else error(mode, image[mask][::step], reference[mask][::step])
@@ -204,6 +206,16 @@ def _halves(radiance: Floats, fourth: Floats) -> Planes:
     """Planes (4, H, W); what a half float cannot hold becomes its largest value, what is no number becomes 0."""
     four = np.concatenate([radiance, fourth[..., None]], axis=2).transpose(2, 0, 1)
     return np.clip(np.nan_to_num(four, nan=0.0), -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
+
+
+def _kept(path: Path, make: Callable[[], Floats]) -> Floats:
+    """A map in steps of 1/256, made by the first page of these results: the file has the key of what made it."""
+    if not path.is_file():
+        with replacing(path) as part, part.open("wb") as file:
+            np.savez_compressed(file, steps=(256 * make()).astype(np.uint16))
+    with np.load(path) as kept:
+        steps: Floats = kept["steps"]
+    return steps / 256
 
 
 def _flip(image: Floats, reference: Floats, mask: pictures.Mask, n: int) -> Floats:

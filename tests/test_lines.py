@@ -2,7 +2,6 @@
 
 import json
 from statistics import NormalDist
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -77,7 +76,7 @@ def test_the_band_over_lights_is_the_t_interval_of_the_mean_of_log_error():
 
 def test_the_check_of_bands_notices_a_normal_interval_and_a_mean_of_errors(monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr("glossbench.reports.lines.student", SimpleNamespace(ppf=lambda p, n: NormalDist().inv_cdf(p)))
+        patch.setattr("glossbench.reports.lines.stdtrit", lambda n, p: NormalDist().inv_cdf(p))
         with pytest.raises(AssertionError):
             check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
     monkeypatch.setattr("glossbench.reports.lines.np.log", lambda x: x)

@@ -149,6 +149,25 @@ def test_same_results_give_the_same_bytes(folder, page):
     assert not list(folder.glob(".*.part"))
 
 
+def test_a_second_page_makes_no_flip_map_again(folder, page, monkeypatch):
+    monkeypatch.setattr(payload, "_flip", lambda *_: pytest.fail("made again"))
+
+    assert html.write_report(folder).read_text(encoding="utf-8") == page
+
+
+def test_a_kept_map_is_the_one_that_is_shown(folder, page, monkeypatch):
+    """Twin of the above: another map on disk is another page."""
+    monkeypatch.setattr(payload, "_flip", lambda *_: pytest.fail("made again"))
+    path = next((folder / "images").glob("*_flip_1.npz"))
+    content = path.read_bytes()
+    np.savez_compressed(path, steps=np.zeros((N, N), np.uint16))
+
+    shown = html.write_report(folder).read_text(encoding="utf-8")
+    path.write_bytes(content)
+
+    assert shown != page
+
+
 def test_ids_are_unique_in_the_page(page):
     ids = re.findall(r'\bid="([^"]+)"', page)
 
