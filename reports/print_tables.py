@@ -6,7 +6,7 @@ from typing import Any
 from glossbench.metrics import METRICS
 from glossbench.rows import listed
 
-from .cells import Cell, Group
+from .cells import Cell, Group, sole_method
 from .equal import Table
 from .figures import number
 
@@ -124,12 +124,16 @@ def _table(
     texts: Callable[[Cell, Group], Texts],
     only_done: bool = False,
 ) -> dict[str, Any]:
-    """A table with a part for each group: of each cell its texts, or why there is no image."""
+    """A table with a part for each group: of each cell its texts, or why it has no image."""
     parts = []
+    if only := sole_method(groups):
+        columns = [_column(only), *columns[1:]]
     for group in groups:
         rows = []
         for cell in group.done if only_done else group.cells:
             row: dict[str, Any] = {"name": cell.row["method"], "options": cell.options}
+            if only and cell.options:
+                row = {"name": cell.options, "options": ""}
             rows.append(row | ({"cells": texts(cell, group)} if cell.done else {"outcome": outcome(cell)}))
         if rows:
             parts.append({"title": group.title, "rows": rows})
