@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from .figures import COLOURS, INK, MARKERS, PAPER, RC, number
-from .lines import CONFIDENCE, COSTS, Axis, Floats, Line, axis_of, costing, front, lines_at
+from .lines import CONFIDENCE, COSTS, Axis, Floats, Line, axis_of, costing, front, lines_at, named
 from .sweeps import SAMPLES, Place
 
 WIDTH = 6.53  # inches of text across a page
@@ -99,7 +99,7 @@ def plot(panels: Sequence[Panel]) -> Figure:
     first = panels[0]
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
     rows = ceil(len(panels) / columns)
-    title, names = _names(first.lines)
+    title, names = named(first.lines)
     if not first.cost:
         names = [name + _slope(line, first.axis) for name, line in zip(names, first.lines, strict=True)]
     longest = max(map(len, names))
@@ -142,7 +142,7 @@ def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
             style = _style(line) | {"ls": "", "mfc": face or _style(line)["color"]}
             ax.plot(errors, np.full(len(errors), row), **style)
     ax.set_ylim(len(lines) - 0.4, -0.6)
-    title, names = _names(lines)
+    title, names = named(lines)
     ax.set_title(title, loc="left", size="medium")
     ax.set_yticks(range(len(lines)), names)
     ax.tick_params(axis="y", length=0)
@@ -189,15 +189,6 @@ def _draw_front(ax: Axes, cost: str, lines: Sequence[Line], axis: Axis) -> None:
     if len(points) > 1:
         x, y = zip(*points, strict=True)
         ax.step(x, y, where="post", color=INK, lw=0.8, ls=(0, (3, 2)), alpha=0.7, zorder=1.5)
-
-
-def _names(lines: Sequence[Line]) -> tuple[str, list[str]]:
-    """A title and a name a line: the title has what all lines share, a method and the names of its options."""
-    methods = {line.name.partition(" (")[0] for line in lines}
-    if len(methods) > 1 or not all(line.label.options for line in lines):
-        return "", [line.name for line in lines]
-    title = f"{methods.pop()} ({', '.join(lines[0].label.options)})"
-    return title, [", ".join(line.label.options.values()) for line in lines]
 
 
 def _slope(line: Line, axis: Axis) -> str:

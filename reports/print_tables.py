@@ -9,6 +9,7 @@ from glossbench.rows import listed
 from .cells import Cell, Group, sole_method
 from .equal import Table
 from .figures import number
+from .lines import named
 
 Texts = list[dict[str, Any]]
 MOST_METRICS = 6  # of one table, so that it fits a page
@@ -87,13 +88,14 @@ def reference_table(groups: Sequence[Group]) -> dict[str, Any] | None:
 
 def equal_table(table: Table, caption: str, unit: str) -> dict[str, Any]:
     """What each line would reach at equal times or errors, between the points it has."""
-    columns = [_column("method"), *(_column(number(at, 1), unit) for at in table.at)]
+    title, names = named(table.lines)
+    columns = [_column(title or "method"), *(_column(number(at, 1), unit) for at in table.at)]
     rows = [
-        {"name": line.name, "options": "", "cells": [
+        {"name": name, "options": "", "cells": [
             _text(number(value), value is not None and value == best)
             for value, best in zip(values, table.best, strict=True)
         ]}
-        for line, values in zip(table.lines, table.rows, strict=True)
+        for name, values in zip(names, table.rows, strict=True)
     ]  # fmt: skip
     return {"caption": f"{caption}, by interpolation.", "columns": columns, "groups": [{"title": "", "rows": rows}]}
 

@@ -110,15 +110,19 @@ def test_what_a_study_says_is_printed_and_never_run(report):
 
 
 def test_the_check_notices_a_title_that_is_run(folder, plain, monkeypatch, tmp_path):
-    templates = tmp_path / "templates"
-    templates.mkdir()
-    for source in typesetting.TEMPLATES.glob("*.typ"):
-        planted = source.read_text().replace('semibold", data.title', 'semibold", eval(data.title, mode: "markup")')
-        (templates / source.name).write_text(planted)
-    monkeypatch.setattr(typesetting, "TEMPLATES", templates)
+    planted(tmp_path, monkeypatch, 'semibold", data.title', 'semibold", eval(data.title, mode: "markup")')
 
     with pytest.raises((AssertionError, RuntimeError)):
         check_printed(pdf.write_report(folder).read_bytes())
+
+
+def planted(tmp_path, monkeypatch, old, new):
+    """Templates with a fault."""
+    templates = tmp_path / "templates"
+    templates.mkdir()
+    for source in typesetting.TEMPLATES.glob("*.typ"):
+        (templates / source.name).write_text(source.read_text().replace(old, new))
+    monkeypatch.setattr(typesetting, "TEMPLATES", templates)
 
 
 def check_printed(report):
@@ -456,6 +460,27 @@ def check_filled(pages):
 
 def check_uncut(pages):
     assert min(page["lowest"] for page in pages) > 2.3 * 72 / 2.54 - 0.1  # the margin
+
+
+def test_a_condition_with_a_long_name_leaves_room_for_what_is_said_of_it(plain, tmp_path):
+    check_inside(long_material(tmp_path))
+
+
+def test_the_check_notices_a_column_as_wide_as_its_names(plain, tmp_path, monkeypatch):
+    planted(tmp_path, monkeypatch, "columns: (4.2cm, 1fr)", "columns: (auto, 1fr)")
+
+    with pytest.raises(AssertionError):
+        check_inside(long_material(tmp_path))
+
+
+def long_material(tmp_path):
+    folder = write_results(tmp_path / "long", budgets=(4,))
+    cells = pd.read_parquet(folder / "cells.parquet")
+    cells["material_options"] = [json.dumps({"lobe": f"{'long ' * 14}{key}"}) for key in cells.reference_key]
+    cells.to_parquet(folder / "cells.parquet")
+    provenance = json.loads((folder / "provenance.json").read_text())
+    (folder / "provenance.json").write_text(json.dumps(provenance | {"source_hash": "0123456789abcdef" * 4}))
+    return pdf.write_report(folder).read_bytes()
 
 
 def test_a_report_of_many_conditions_stays_short(pages_of_many):
