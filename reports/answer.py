@@ -43,7 +43,7 @@ def _answers(group: Group, metric: str) -> list[Answer]:
     cells = [cell for cell in group.done if cell.row.get(metric) is not None]
     budgets = sorted({cell.row["options"]["samples"] for cell in cells if _has_budget(cell)})
     return [
-        Answer(group, _best_of_each([cell for cell in cells if not _has_budget(cell) or _budget(cell) == n], metric), n)
+        Answer(group, telling([cell for cell in cells if not _has_budget(cell) or _budget(cell) == n], metric), n)
         for n in budgets or [None]
         if cells
     ]
@@ -57,8 +57,8 @@ def _budget(cell: Cell) -> int:
     return int(cell.row["options"]["samples"])
 
 
-def _best_of_each(cells: Sequence[Cell], metric: str) -> list[Cell]:
-    """The best cell of each method; of lines of a single method the best and the worst between them."""
+def telling(cells: Sequence[Cell], metric: str) -> list[Cell]:
+    """At most `MOST_TILES`: the best cell of each method; of a single method from the best to the worst."""
     sign = 1 if metric not in METRICS.names() or METRICS.get(metric).lower_is_better else -1
     methods: dict[str, list[Cell]] = {}
     for cell in sorted(cells, key=lambda cell: sign * abs(cell.row[metric])):

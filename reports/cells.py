@@ -80,6 +80,12 @@ def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Grou
     return found
 
 
+def sole_method(groups: Sequence[Group]) -> str:
+    """The method that all cells are of; "" where there are several."""
+    methods = {str(cell.row["method"]) for group in groups for cell in group.cells}
+    return methods.pop() if len(methods) == 1 else ""
+
+
 def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
     """Rows as cells, each with the options that tell it from others of its method."""
     methods = dict.fromkeys(row["method"] for row in rows)

@@ -124,6 +124,15 @@ def lines_at(place: Place, metric: str) -> list[Line]:
     return lines
 
 
+def named(lines: Sequence[Line]) -> tuple[str, list[str]]:
+    """A title and a name a line; where all are of one method, the title has it, and the names of its options."""
+    methods = {line.name.partition(" (")[0] for line in lines}
+    if len(methods) > 1 or not all(line.label.options for line in lines):
+        return "", [line.name for line in lines]
+    title = f"{methods.pop()} ({', '.join(lines[0].label.options)})"
+    return title, [", ".join(line.label.options.values()) for line in lines]
+
+
 def costing(line: Line, cost: str) -> Line:
     """The line with a cost in the place of its errors."""
     return replace(line, errors=line.costs[cost], at_floor=np.zeros_like(line.at_floor), band=None)

@@ -13,20 +13,22 @@ from glossbench.metrics import METRICS
 from glossbench.results import Results
 from glossbench.rows import listed, parsed
 
-from .answer import Answer, answer_of
-from .cells import Group, grouped
+from .answer import answer_of
+from .cells import Group, grouped, sole_method
 from .descriptions import described
 from .equal import error_at_time, time_at_error
 from .images import MOST_PICTURES, chosen
 from .lines import COSTS, axis_of, lines_at
 from .notation import runs
-from .print_images import PrintedGroup, middle_budgets
+from .print_images import PrintedGroup, middle_budgets, telling_few
 from .print_plots import against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .print_tables import claim_table, cost_table, equal_table, error_tables, reference_table
 from .sweeps import SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
 from .typesetting import Press
 
 MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
+MANY_PLACES = 4  # more, and plots of single places move to the appendix
+Titled = tuple[Figure, str]
 
 
 def write_report(folder: Path) -> Path:
@@ -40,7 +42,8 @@ def write_report(folder: Path) -> Path:
     sweeps = sweeps_of(done, study.get("claims") or ())
     citations = cited_by(_used(rows, metrics), str(study.get("source") or ""))
     with Press() as press:
-        answer, images = _images(results, groups, answer_of(groups, metrics[0]) if metrics else None, press)
+        answer, images = _images(results, groups, metrics, press)
+        plots, more_plots = _plots(done, sweeps, metrics[0], press) if metrics else ([], [])
         errors, *more_errors = error_tables(groups, metrics)
         data = {
             "title": str(study.get("title", "")),
@@ -50,12 +53,14 @@ def write_report(folder: Path) -> Path:
             "claims": [
                 {"text": c["text"], "verdict": c["verdict"], "summary": c.get("summary", "")} for c in results.claims
             ],
+            "method": sole_method(groups),
             "answer": answer,
             "errors": errors,
             "more_errors": more_errors,
             "tables_last": len(rows) > MANY_CELLS,
             "costs": cost_table(groups),
-            "plots": _plots(done, sweeps, metrics[0], press) if metrics else [],
+            "plots": plots,
+            "more_plots": more_plots,
             "equal": _equal(places_of(done, sweeps[SAMPLES]), metrics[0]) if metrics else [],
             "images": images,
             "methods": _methods(rows, press),
@@ -75,9 +80,10 @@ def write_report(folder: Path) -> Path:
 
 
 def _images(
-    results: Results, groups: Sequence[Group], answer: Answer | None, press: Press
+    results: Results, groups: Sequence[Group], metrics: Sequence[str], press: Press
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
     """The figure of the answer; and of each group the whole images and, unless it is the answer's, crops."""
+    answer = answer_of(groups, metrics[0]) if metrics else None
     first, found = None, []
     for group, cells in zip(groups, chosen(groups, MOST_PICTURES), strict=True):
         if not group.done:
@@ -87,40 +93,63 @@ def _images(
         if answer is not None and answer.group is group:
             first = printed.crops(answer.cells)
         else:
-            crops = printed.crops(middle_budgets(group))
+            few = telling_few(group, metrics[0] if metrics else None)
+            crops = printed.crops(few) | {"n_shown": len(few), "n_lines": len(middle_budgets(group))}
         found.append({"whole": printed.whole(cells), "crops": crops, "left_out": len(group.done) - len(cells)})
     return first, found
 
 
-def _plots(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metric: str, press: Press) -> list[dict[str, Any]]:
-    """The study's first metric, and costs, over what the study sweeps; and at each place the metric against costs."""
-    found = []
+def _plots(
+    groups: Sequence[Group], sweeps: Mapping[str, Sweep], metric: str, press: Press
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The study's first metric, and costs, over what the study sweeps; and at each place the metric against costs.
+
+    Second, for the appendix, those of many places. Along a swept parameter the first of many places stands for all.
+    """
     first = next(iter(sweeps.values()))
-    for place in places_of(groups, first) if first.name != SAMPLES else ():
+    places, later, of = places_of(groups, with_costs(sweeps)[0]), list[Place](), ""
+    if len(places) > MANY_PLACES and first.kind:
+        of = f", the first of {len(places)} conditions of the study"
+        places = places[:1]
+    elif len(places) > MANY_PLACES:
+        singles, means = ([p for p in places if (len(p.lights) > 1) == is_mean] for is_mean in (False, True))
+        places, later = (means, singles) if 0 < len(means) <= MANY_PLACES else (places[:1], places[1:])
+    shown = [*_over_sweep(groups, first, metric), *_at(places, metric, of)]
+    return _printed(shown, press), _printed(_at(later, metric), press)
+
+
+def _over_sweep(groups: Sequence[Group], sweep: Sweep, metric: str) -> list[Titled]:
+    found = []
+    for place in places_of(groups, sweep) if sweep.name != SAMPLES else ():
         panels = over_sweep(place, metric)
         what = metric
-        if panels and first.kind:
+        if panels and sweep.kind:
             panels = facets(panels)
         elif panels:  # what a method is told changes its costs
             panels += [panel for cost in COSTS for panel in cost_over_sweep(place, metric, cost)]
             what = f"{metric} and costs"
         if panels:
-            found.append((plot(panels), f"{place.title}: {what} over {place.sweep.title}"))
-    for place in places_of(groups, with_costs(sweeps)[0]):
-        if figure := plot_of(place, metric):
-            over = "over samples and costs" if place.sweep.name == SAMPLES else "against costs"
-            found.append((figure, f"{place.title}: {metric} {over}"))
-    return [press.figure(figure) | {"alt": f"Plots of {title}", "caption": title} for figure, title in found]
+            found.append((plot(panels), f"{place.title}: {what} over {sweep.title}"))
+    return found
 
 
-def plot_of(place: Place, metric: str) -> Figure | None:
+def _at(places: Sequence[Place], metric: str, of: str = "") -> list[Titled]:
     """A metric over samples and costs; where each method has one budget and no cost, by method."""
-    lines = lines_at(place, metric)
-    if not lines:
-        return None
-    over = over_sweep(place, metric) if place.sweep.name == SAMPLES else []
-    panels = [*over, *against_costs(place, metric)]
-    return plot(panels) if panels else error_by_method(lines, axis_of(place, metric))
+    found = []
+    for place in places:
+        lines = lines_at(place, metric)
+        over = over_sweep(place, metric) if place.sweep.name == SAMPLES else []
+        if panels := [*over, *against_costs(place, metric)]:
+            what = "over samples and costs" if over else "against costs"
+            found.append((plot(panels), f"{place.title}{of}: {metric} {what}"))
+        elif lines:
+            figure = error_by_method(lines, axis_of(place, metric))
+            found.append((figure, f"{place.title}{of}: {metric} by method"))
+    return found
+
+
+def _printed(figures: Sequence[Titled], press: Press) -> list[dict[str, Any]]:
+    return [press.figure(figure) | {"alt": f"Plots of {title}", "caption": title} for figure, title in figures]
 
 
 def _equal(places: Sequence[Place], metric: str) -> list[dict[str, Any]]:

@@ -2,12 +2,14 @@
 
 from base64 import b64encode
 from collections.abc import Sequence
+from functools import cache
 from io import BytesIO
 
 import numpy as np
 from matplotlib import colormaps
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.sparse import csr_array
 
 from glossbench.srgb import encoded
 
@@ -22,19 +24,28 @@ WHITE = 99.0  # percentile of the reference that the exposure brings to white
 
 def downscaled(image: Floats, mask: Mask, largest: int = 256) -> tuple[Floats, Floats]:
     """Image (H, W, C) of at most `largest` pixels a side, averaged over the masked area; and that area."""
-    factor = min(1.0, largest / max(mask.shape))
-    rows, columns = (_area_weights(n, max(1, round(n * factor))) for n in mask.shape)
-    height, width, n_channels = image.shape
-    total = columns @ (rows @ (image * mask[..., None]).reshape(height, -1)).reshape(-1, width, n_channels)
-    share = rows @ mask @ columns.T
+    share = mask.astype(float)
+    total = image * share[..., None]
+    if max(mask.shape) <= largest:
+        return total, share
+    sides = [max(1, round(n * largest / max(mask.shape))) for n in mask.shape]
+    for n in sides:  # along rows, then along columns
+        total, share = _averaged(total, n).swapaxes(0, 1), _averaged(share, n).swapaxes(0, 1)
     return total / np.where(share > 0, share, 1)[..., None], share
 
 
-def _area_weights(n: int, m: int) -> Floats:
-    """(m, n): the share of each of n pixels in each of m; rows sum to one."""
+def _averaged(values: Floats, m: int) -> Floats:
+    """The first side of values (n, ...) as m pixels, each the mean over its part of n."""
+    means: Floats = _area_weights(len(values), m) @ values.reshape(len(values), -1)
+    return means.reshape(m, *values.shape[1:])
+
+
+@cache
+def _area_weights(n: int, m: int) -> csr_array:
+    """(m, n), nearly all zero: the share of each of n pixels in each of m; rows sum to one."""
     edges = np.linspace(0, n, m + 1)
     low, high = np.maximum(edges[:-1, None], np.arange(n)), np.minimum(edges[1:, None], np.arange(n) + 1)
-    return np.clip(high - low, 0, None) * m / n
+    return csr_array(np.clip(high - low, 0, None) * m / n)
 
 
 def picture(radiance: Floats, mask: Mask, exposure: float, largest: int = 256) -> bytes:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from itertools import groupby
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,14 @@ from glossbench.metrics import METRICS
 from glossbench.results import Results
 
 from . import figures, pictures
+from .answer import MOST_TILES, telling
 from .cells import Cell, Group
 from .crops import Crop, crops_of
 from .pictures import Floats, Mask
 from .typesetting import Press
 
 COLUMNS = 6  # of cells, side by side
+MOST_COLUMNS = 7  # where that saves a row
 SIZE = 256  # pixels on the longer side of a whole image
 
 
@@ -45,7 +48,8 @@ class PrintedGroup:
         tiles = [[self._tile(self.reference, self.noise, limit, noise)]]
         for _, line in groupby(cells, key=lambda cell: cell.index):
             tiles.append([self._tile(*self._of(cell), limit, caption(cell)) for cell in line])
-        return {"columns": COLUMNS, "rows": _packed(tiles), **self._scale(limit, self.errors.values())}
+        rows = _packed(tiles)
+        return {"columns": max(COLUMNS, *map(len, rows)), "rows": rows, **self._scale(limit, self.errors.values())}
 
     def crops(self, cells: Sequence[Cell], crops: Sequence[Crop] = ()) -> dict[str, Any]:
         """Data of a figure of crops, those given or where the cells err most; whole, the reference with its frames.
@@ -118,10 +122,12 @@ class PrintedGroup:
 
 
 def _packed(lines: Sequence[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]:
-    """Tiles in rows of at most `COLUMNS`; lines stay whole, unless one is longer than a row: then all follow on."""
-    if max(map(len, lines)) > COLUMNS:
+    """Tiles in rows; lines stay whole, unless all have one tile or one is longer than a row: then all follow on."""
+    longest = max(map(len, lines))
+    if longest == 1 or longest > COLUMNS:
         tiles = [tile for line in lines for tile in line]
-        return [tiles[i : i + COLUMNS] for i in range(0, len(tiles), COLUMNS)]
+        columns = max(COLUMNS, ceil(len(tiles) / ceil(len(tiles) / MOST_COLUMNS)))
+        return [tiles[i : i + columns] for i in range(0, len(tiles), columns)]
     rows: list[list[dict[str, Any]]] = [[]]
     for line in lines:
         if len(rows[-1]) + len(line) > COLUMNS:
@@ -138,6 +144,14 @@ def caption(cell: Cell) -> list[str]:
         return [str(row["method"]), cell.options, count, "at the noise floor"]
     flip = [f"FLIP {figures.number(row['flip'])}"] if row.get("flip") is not None and "flip" in METRICS.names() else []
     return [str(row["method"]), cell.options, count, f"RMS {figures.number(row['rms'])}", *flip]
+
+
+def telling_few(group: Group, metric: str | None) -> list[Cell]:
+    """Of the lines of a group, each at its middle budget, those that one row of crops shows."""
+    cells = middle_budgets(group)
+    if len(cells) <= MOST_TILES:
+        return cells
+    return telling([c for c in cells if metric and c.row.get(metric) is not None], metric or "") or cells[:MOST_TILES]
 
 
 def middle_budgets(group: Group) -> list[Cell]:

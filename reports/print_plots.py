@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from .figures import COLOURS, INK, MARKERS, PAPER, RC, number
-from .lines import CONFIDENCE, COSTS, Axis, Floats, Line, axis_of, costing, front, lines_at
+from .lines import CONFIDENCE, COSTS, Axis, Floats, Line, axis_of, costing, front, lines_at, named
 from .sweeps import SAMPLES, Place
 
 WIDTH = 6.53  # inches of text across a page
@@ -99,10 +99,16 @@ def plot(panels: Sequence[Panel]) -> Figure:
     first = panels[0]
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
     rows = ceil(len(panels) / columns)
-    names = [line.name if first.cost else _named(line, first.axis) for line in first.lines]
+    title, names = named(first.lines)
+    if not first.cost:
+        names = [name + _slope(line, first.axis) for name, line in zip(names, first.lines, strict=True)]
     longest = max(map(len, names))
     in_key = 1 if len(panels) == 1 or longest > 58 else 2 if longest > 32 else 3
-    height = (1.4 if rows > 1 and first.dash is None else 1.9) * rows + 0.15 * ceil((len(names) + 3) / in_key) + 0.1
+    height = (
+        (1.4 if rows > 1 and first.dash is None else 1.9) * rows
+        + 0.15 * (ceil((len(names) + 3) / in_key) + bool(title))
+        + 0.1
+    )
     has_costs = any(panel.axis != first.axis for panel in panels)
     figure = Figure(figsize=(WIDTH if len(panels) > 1 else 0.6 * WIDTH, height), layout="constrained")
     for i, panel in enumerate(panels):
@@ -121,7 +127,7 @@ def plot(panels: Sequence[Panel]) -> Figure:
         handles.append(Line2D([], [], color=INK, lw=0.8, ls=(0, (3, 2)), label="Pareto front"))
     if any(line.band is not None for line in first.lines):
         handles.append(Patch(color=COLOURS[0], alpha=0.2, lw=0, label=f"{100 * CONFIDENCE:.0f} % over lights"))
-    _key(figure, handles, in_key)
+    _key(figure, handles, in_key, title)
     return figure
 
 
@@ -136,7 +142,9 @@ def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
             style = _style(line) | {"ls": "", "mfc": face or _style(line)["color"]}
             ax.plot(errors, np.full(len(errors), row), **style)
     ax.set_ylim(len(lines) - 0.4, -0.6)
-    ax.set_yticks(range(len(lines)), [line.name for line in lines])
+    title, names = named(lines)
+    ax.set_title(title, loc="left", size="medium")
+    ax.set_yticks(range(len(lines)), names)
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="y", color=INK, alpha=0.15, linewidth=0.6)
     _scale(ax, "x", axis, lines)
@@ -183,9 +191,9 @@ def _draw_front(ax: Axes, cost: str, lines: Sequence[Line], axis: Axis) -> None:
         ax.step(x, y, where="post", color=INK, lw=0.8, ls=(0, (3, 2)), alpha=0.7, zorder=1.5)
 
 
-def _named(line: Line, axis: Axis) -> str:
+def _slope(line: Line, axis: Axis) -> str:
     slope = line.slope() if axis.is_log else None
-    return line.name + ("" if slope is None else f", slope {number(slope, 2)}")
+    return "" if slope is None else f", slope {number(slope, 2)}"
 
 
 def _style(line: Line) -> dict[str, Any]:
@@ -201,10 +209,10 @@ def _handle(line: Line, name: str) -> Line2D:
     return Line2D([], [], label=name, **_style(line))
 
 
-def _key(figure: Figure, handles: Sequence[Artist], columns: int) -> None:
+def _key(figure: Figure, handles: Sequence[Artist], columns: int, title: str) -> None:
     figure.legend(
-        handles=handles, ncols=columns, loc="outside lower left", frameon=False, borderaxespad=0.1,
-        handlelength=3.2, columnspacing=1.4, labelspacing=0.3,
+        handles=handles, title=title, alignment="left", ncols=columns, loc="outside lower left", frameon=False,
+        borderaxespad=0.1, handlelength=3.2, columnspacing=1.4, labelspacing=0.3,
     )  # fmt: skip
 
 

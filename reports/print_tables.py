@@ -6,9 +6,10 @@ from typing import Any
 from glossbench.metrics import METRICS
 from glossbench.rows import listed
 
-from .cells import Cell, Group
+from .cells import Cell, Group, sole_method
 from .equal import Table
 from .figures import number
+from .lines import named
 
 Texts = list[dict[str, Any]]
 MOST_METRICS = 6  # of one table, so that it fits a page
@@ -87,13 +88,14 @@ def reference_table(groups: Sequence[Group]) -> dict[str, Any] | None:
 
 def equal_table(table: Table, caption: str, unit: str) -> dict[str, Any]:
     """What each line would reach at equal times or errors, between the points it has."""
-    columns = [_column("method"), *(_column(number(at, 1), unit) for at in table.at)]
+    title, names = named(table.lines)
+    columns = [_column(title or "method"), *(_column(number(at, 1), unit) for at in table.at)]
     rows = [
-        {"name": line.name, "options": "", "cells": [
+        {"name": name, "options": "", "cells": [
             _text(number(value), value is not None and value == best)
             for value, best in zip(values, table.best, strict=True)
         ]}
-        for line, values in zip(table.lines, table.rows, strict=True)
+        for name, values in zip(names, table.rows, strict=True)
     ]  # fmt: skip
     return {"caption": f"{caption}, by interpolation.", "columns": columns, "groups": [{"title": "", "rows": rows}]}
 
@@ -124,12 +126,16 @@ def _table(
     texts: Callable[[Cell, Group], Texts],
     only_done: bool = False,
 ) -> dict[str, Any]:
-    """A table with a part for each group: of each cell its texts, or why there is no image."""
+    """A table with a part for each group: of each cell its texts, or why it has no image."""
     parts = []
+    if only := sole_method(groups):
+        columns = [_column(only), *columns[1:]]
     for group in groups:
         rows = []
         for cell in group.done if only_done else group.cells:
             row: dict[str, Any] = {"name": cell.row["method"], "options": cell.options}
+            if only and cell.options:
+                row = {"name": cell.options, "options": ""}
             rows.append(row | ({"cells": texts(cell, group)} if cell.done else {"outcome": outcome(cell)}))
         if rows:
             parts.append({"title": group.title, "rows": rows})

@@ -1,6 +1,7 @@
 """The PDF report and single figures of synthetic results, read back by another library: text, images, colours."""
 
 import io
+import json
 import re
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from glossbench.reports import crops, figures, pdf, pictures, profile, single_fi
 from glossbench.reports.crops import Crop, crops_of
 from glossbench.reports.descriptions import described
 from glossbench.reports.notation import runs
+from glossbench.reports.print_images import middle_budgets
 from glossbench.shading import METHODS as REGISTERED
 
 SOURCE_CODE = '#panic("x") #read("/etc/hostname") $x$ *b* @label'
@@ -41,7 +43,7 @@ def report(folder):
 @pytest.fixture
 def plain(monkeypatch):
     """Plots and images take most of the time of a report; a check of text needs none."""
-    monkeypatch.setattr(pdf, "_plots", lambda *_: [])
+    monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
     monkeypatch.setattr(pdf, "_images", lambda *_: (None, []))
 
 
@@ -62,6 +64,7 @@ def page_of(page):
         "images": [o.get_bitmap().to_numpy()[..., 2::-1] for o in objects if o.type == pdfium.FPDF_PAGEOBJ_IMAGE],
         "n_paths": sum(o.type == pdfium.FPDF_PAGEOBJ_PATH for o in objects),
         "picture": np.asarray(page.render(scale=1).to_pil().convert("RGB")).astype(int),
+        "lowest": min((o.get_bounds()[1] for o in objects if o.type == pdfium.FPDF_PAGEOBJ_IMAGE), default=np.inf),
         "right": max((text.get_charbox(i)[2] for i in range(text.count_chars())), default=0.0) / page.get_width(),
     }
     text.close()
@@ -107,15 +110,19 @@ def test_what_a_study_says_is_printed_and_never_run(report):
 
 
 def test_the_check_notices_a_title_that_is_run(folder, plain, monkeypatch, tmp_path):
-    templates = tmp_path / "templates"
-    templates.mkdir()
-    for source in typesetting.TEMPLATES.glob("*.typ"):
-        planted = source.read_text().replace('semibold", data.title', 'semibold", eval(data.title, mode: "markup")')
-        (templates / source.name).write_text(planted)
-    monkeypatch.setattr(typesetting, "TEMPLATES", templates)
+    planted(tmp_path, monkeypatch, 'semibold", data.title', 'semibold", eval(data.title, mode: "markup")')
 
     with pytest.raises((AssertionError, RuntimeError)):
         check_printed(pdf.write_report(folder).read_bytes())
+
+
+def planted(tmp_path, monkeypatch, old, new):
+    """Templates with a fault."""
+    templates = tmp_path / "templates"
+    templates.mkdir()
+    for source in typesetting.TEMPLATES.glob("*.typ"):
+        (templates / source.name).write_text(source.read_text().replace(old, new))
+    monkeypatch.setattr(typesetting, "TEMPLATES", templates)
 
 
 def check_printed(report):
@@ -159,7 +166,7 @@ def test_the_check_notices_maps_on_their_own_scales(folder, monkeypatch):
     monkeypatch.setattr(
         pictures, "error_map", lambda e, mask, _, *how: error_map(e, mask, 0.9 * np.abs(e[mask]).max(), *how)
     )
-    monkeypatch.setattr(pdf, "_plots", lambda *_: [])
+    monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
 
     with pytest.raises(AssertionError):
         check_maps(folder, pdf.write_report(folder).read_bytes())
@@ -405,6 +412,103 @@ def test_tables_of_many_cells_move_to_the_appendix(folder, plain, monkeypatch):
 
     assert re.search(r"Appendix B: Errors and costs", text)
     assert text.index("Methods") < text.index("Errors and costs of all cells")
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """Of six materials twenty lines each, all of one method."""
+    folder = write_results(tmp_path_factory.mktemp("many") / "many", budgets=(4,))
+    row = pd.read_parquet(folder / "cells.parquet").iloc[0].to_dict()
+    image = folder / "images" / f"{row['key']}.exr"
+    rows = []
+    for s in range(6):
+        for levels in range(20):
+            key = f"{s}-{levels}"
+            (folder / "images" / f"{key}.exr").hardlink_to(image)
+            options, material = json.dumps({"levels": f"l{levels}"}), json.dumps({"lobe": f"m{s}"})
+            told = {"key": key, "options": options, "tuned": "{}", "material_options": material}
+            rows.append(row | told | {"rms": 0.01 * (1 + levels)})
+    pd.DataFrame(rows).to_parquet(folder / "cells.parquet")
+    (folder / "claims.json").write_text("[]")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages_of_many(many):
+    return pages_of(pdf.write_report(many).read_bytes())
+
+
+def test_of_many_lines_no_page_is_a_heading_alone_and_no_image_is_cut(pages_of_many):
+    check_filled(pages_of_many)
+    check_uncut(pages_of_many)
+
+
+def test_the_checks_notice_crops_of_all_lines(many, monkeypatch):
+    monkeypatch.setattr(pdf, "telling_few", lambda group, _: middle_budgets(group))
+    monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
+    pages = pages_of(pdf.write_report(many).read_bytes())
+
+    for check in (check_filled, check_uncut):
+        with pytest.raises(AssertionError):
+            check(pages)
+
+
+def check_filled(pages):
+    """Each page has an image, lines of a plot or table, or some sentences; a heading alone is shorter."""
+    assert all(page["images"] or page["n_paths"] > 2 or len(page["text"]) > 300 for page in pages)
+
+
+def check_uncut(pages):
+    assert min(page["lowest"] for page in pages) > 2.3 * 72 / 2.54 - 0.1  # the margin
+
+
+def test_a_condition_with_a_long_name_leaves_room_for_what_is_said_of_it(plain, tmp_path):
+    check_inside(long_material(tmp_path))
+
+
+def test_the_check_notices_a_column_as_wide_as_its_names(plain, tmp_path, monkeypatch):
+    planted(tmp_path, monkeypatch, "columns: (4.2cm, 1fr)", "columns: (auto, 1fr)")
+
+    with pytest.raises(AssertionError):
+        check_inside(long_material(tmp_path))
+
+
+def long_material(tmp_path):
+    folder = write_results(tmp_path / "long", budgets=(4,))
+    cells = pd.read_parquet(folder / "cells.parquet")
+    cells["material_options"] = [json.dumps({"lobe": f"{'long ' * 14}{key}"}) for key in cells.reference_key]
+    cells.to_parquet(folder / "cells.parquet")
+    provenance = json.loads((folder / "provenance.json").read_text())
+    (folder / "provenance.json").write_text(json.dumps(provenance | {"source_hash": "0123456789abcdef" * 4}))
+    return pdf.write_report(folder).read_bytes()
+
+
+def test_a_report_of_many_conditions_stays_short(pages_of_many):
+    images = [page for page in pages_of_many if len(page["images"]) > 6]
+
+    assert len(images) <= 2 + 2 * 6  # the answer, and at most two pages a condition
+    text = " ".join(" ".join(page["text"] for page in pages_of_many).split())
+    assert text.count("against costs") == 6
+    assert text.index("Appendix B: Plots of the other conditions") < text.rindex("against costs")
+
+
+def test_a_sole_method_is_named_once_in_a_key(pages_of_many):
+    keys = [page["text"] for page in pages_of_many if "shading time [ms]" in page["text"]]
+
+    assert keys
+    for text in keys:
+        assert text.count("regular_sampling (levels)") == text.count("shading time [ms]")
+        assert "l17" in text
+        assert "regular_sampling (levels l" not in text
+
+
+def test_along_a_swept_parameter_one_condition_stands_for_many(tmp_path, monkeypatch):
+    monkeypatch.setattr(pdf, "MANY_PLACES", 2)
+
+    text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())
+
+    assert text.count("rms over samples and costs") == 1
+    assert "the first of 3 conditions of the study: rms over samples and costs" in text
 
 
 def test_templates_are_part_of_the_package():

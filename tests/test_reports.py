@@ -315,6 +315,40 @@ def test_large_images_are_averaged_over_the_surface_alone():
     assert constant[share > 0] == pytest.approx(1, rel=1e-12)  # black background does not darken the rim
 
 
+def test_a_smaller_image_is_the_mean_over_each_pixels_area():
+    check_areas()
+
+
+def test_the_check_of_areas_notices_pixels_that_are_taken_whole(monkeypatch):
+    exact = pictures._area_weights
+    monkeypatch.setattr(pictures, "_area_weights", lambda n, m: exact(n, m).ceil())
+
+    with pytest.raises(AssertionError):
+        check_areas()
+
+
+def check_areas():
+    """9 x 6 pixels to 6 x 4: each divided in 2 x 2, of which 3 x 3 make one."""
+    rng = np.random.default_rng(1)
+    image, mask = rng.random((9, 6, 3)), rng.random((9, 6)) < 0.7
+    blocks = (np.kron(each, np.ones((2, 2))).reshape(6, 3, 4, 3) for each in (mask, *np.moveaxis(image, 2, 0) * mask))
+    expected_share, *expected = (block.mean(axis=(1, 3)) for block in blocks)
+
+    small, share = pictures.downscaled(image, mask, 6)
+
+    assert share == pytest.approx(expected_share, rel=1e-12)
+    assert small * share[..., None] == pytest.approx(np.dstack(expected), rel=1e-12)
+
+
+def test_an_image_that_is_small_enough_stays_as_it_is():
+    image, mask = np.random.default_rng(2).random((9, 6, 3)), np.ones((9, 6), bool)
+
+    small, share = pictures.downscaled(image, mask, 9)
+
+    assert np.array_equal(small, image)
+    assert np.array_equal(share, mask)
+
+
 def test_cell_at_the_noise_floor_has_no_number(page):
     rows = [row for row in re.findall(r"<tr\b.*?</tr>", page, re.DOTALL) if "at the noise floor" in row]
 
