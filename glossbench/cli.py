@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from importlib.metadata import entry_points, version
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -16,7 +16,7 @@ from glossbench.commands.figure import figure
 from glossbench.commands.info import info
 from glossbench.commands.light import light as describe_light
 from glossbench.errors import InputError
-from glossbench.printing import err, out, print_notes, print_table, print_verdicts, say, warn_of_noise
+from glossbench.printing import Pulse, err, out, print_notes, print_table, print_verdicts, say, warn_of_noise
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -98,17 +98,22 @@ def run(
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     try:
         with Bar(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-            task = bar.add_task("", total=None)
+            task, pulse = bar.add_task("", total=None), Pulse(bar)
+
+            def show(**changes: Any) -> None:
+                bar.update(task, **changes)
+                pulse()
+
             progress = Progress(
-                begin=lambda n: bar.update(task, total=n),
-                doing=lambda text: bar.update(task, description=text),
-                cell=lambda row: bar.advance(task),
+                begin=lambda n: show(total=n),
+                doing=lambda text: show(description=text),
+                cell=lambda row: show(advance=1),
             )
             results = run_study(
                 loaded, folder, use_cache=not no_cache, rerun_failed=rerun_failed, fail_fast=fail_fast,
                 progress=progress,
             )  # fmt: skip
-            bar.update(task, description="reports")
+            show(description="reports")
             pages = [write(results.folder) for write in _report_writers().values()]
     except KeyboardInterrupt:
         err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
@@ -122,7 +127,7 @@ def run(
     failed = int((results.cells["status"] == "failed").sum())
     if failed:
         err.print(
-            f"{failed} cells failed: their tracebacks are in the report, --rerun-failed tries them again",
+            f"{_counted(failed, 'cell')} failed: tracebacks are in the report, --rerun-failed tries again",
             style="red",
         )
         raise typer.Exit(1)
@@ -150,8 +155,11 @@ def validate(study: StudyArgument) -> None:
     from glossbench.study import load_study
 
     loaded = load_study(study)
+    cells = loaded.cells()
+    counts = [_counted(len({getattr(cell, kind) for cell in cells}), kind) for kind in ("light", "material", "view")]
+    counts += [_counted(len(cells), "cell"), _counted(len(loaded.claims), "claim")]
     out.print(
-        f"{loaded.title}: {len(loaded.cells())} cells, {len(loaded.claims)} claims",
+        f"{loaded.title}: {', '.join(counts)}",
         markup=False,
         highlight=False,
     )
@@ -209,6 +217,10 @@ def sys_info() -> None:
 
     for key, value in system_information().items():
         say(f"{key}: {value}")
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
 
 
 def _report_writers() -> dict[str, Callable[[Path], Path]]:

@@ -1,6 +1,5 @@
 """The contract that every method keeps, measured: what `glossbench check-method` runs on any plug-in."""
 
-import importlib
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -19,6 +18,7 @@ from glossbench.contract_checks import (
     one_line,
 )
 from glossbench.errors import InputError, nearest
+from glossbench.plugins import import_plugin
 from glossbench.shading import METHODS, Method
 
 CHECKS: tuple[Callable[..., Outcome], ...] = (
@@ -60,7 +60,7 @@ def _methods_of(name: str) -> list[Method]:
     if name in METHODS.names():
         return [as_checked(name)]
     try:
-        importlib.import_module(name)
+        import_plugin(name)
     except Exception as error:  # a plug-in is anyone's code
         if isinstance(error, ModuleNotFoundError) and error.name == name.split(".")[0]:
             raise InputError(f"unknown method {name!r}, nor a module{nearest(name, METHODS.names())}") from None

@@ -103,7 +103,7 @@ def check_furnace(method: Method) -> Measured:
     # max() of a NaN and a number may be either.
     worst = next((m for m, e in errors.items() if not np.isfinite(e)), max(errors, key=errors.__getitem__))
     bound = method.contract.furnace
-    return errors[worst] <= bound, f"{errors[worst]:.1e} of the mean with {worst}, at most {bound:g}"
+    return errors[worst] <= bound, f"{errors[worst]:.1e} of the mean with {worst}, at most {bound:g}{_under(method)}"
 
 
 @_check("linear in the light")
@@ -174,7 +174,7 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
         return False, f"{samples[0]} samples whatever the budget"
     slope = float(np.polyfit([log(n) for n in samples], [log(e) for e in errors], 1)[0])
     span = f"error {errors[0]:.2g} with {samples[0]} samples, {errors[-1]:.2g} with {samples[-1]}"
-    return slope <= contract.slope, f"slope {slope:.2f}, at most {contract.slope:g}; {span}"
+    return slope <= contract.slope, f"slope {slope:.2f}, at most {contract.slope:g}; {span}{_under(method)}"
 
 
 @_check("finite on hard inputs")
@@ -282,3 +282,9 @@ def _largest_change(image: Tensor, expected: Tensor) -> float:
     """The largest difference over the largest value; 0 for two black images."""
     change = float((image.double() - expected.double()).abs().max())
     return change / float(expected.abs().max()) if change else 0.0
+
+
+def _under(method: Method) -> str:
+    """The options of the contract, where these are not the defaults."""
+    options = ", ".join(f"{key}={value}" for key, value in method.contract.options.items())
+    return f"; with {options}" if options else ""

@@ -1,6 +1,7 @@
 """What the command line prints: lines, facts, the table of a run, the verdicts."""
 
 import json
+import time
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -11,9 +12,25 @@ from glossbench.rows import KINDS, identity, listed, names_of, parsed, told_apar
 
 if TYPE_CHECKING:
     import pandas
+    from rich.progress import Progress
 
 out = Console()
 err = Console(stderr=True)
+PULSE = 30.0  # seconds between two lines
+
+
+class Pulse:
+    """A bar's progress where no terminal draws it, in a log say: a line on standard error, at most one a `PULSE`."""
+
+    def __init__(self, bar: "Progress") -> None:
+        self.bar, self.last = bar, time.monotonic()
+
+    def __call__(self) -> None:
+        if err.is_terminal or time.monotonic() - self.last < PULSE:
+            return
+        self.last, task = time.monotonic(), self.bar.tasks[0]
+        done = f"{task.completed:.0f} of {task.total or 0:.0f} cells, {task.elapsed or 0:.0f} s"
+        err.print(f"{done}: {task.description}", markup=False, highlight=False, soft_wrap=True)
 
 
 def say(text: str) -> None:

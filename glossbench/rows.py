@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,10 @@ def names_of(kind: str, rows: Sequence[Mapping[str, Any]], without: str = "") ->
     named = {}
     for key, row in known.items():
         alike = [other[f"{kind}_options"] for other in known.values() if other[kind] == row[kind]]
-        text = listed({key: row[f"{kind}_options"].get(key) for key in _differing(alike) if key != without})
-        named[key] = f"{row[kind]} ({text})" if text else str(row[kind])
+        telling = [name for name in _differing(alike) if name not in (without, "file")]
+        text = listed({name: row[f"{kind}_options"].get(name) for name in telling})
+        called = PurePath(row[f"{kind}_options"]["file"]).name if row[kind] == "file" else str(row[kind])
+        named[key] = f"{called} ({text})" if text else called
     return named
 
 

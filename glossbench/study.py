@@ -1,6 +1,5 @@
 """Studies: a YAML file -> a checked Study -> the cells to be run."""
 
-import importlib
 import json
 import math
 from collections.abc import Collection
@@ -27,6 +26,7 @@ from glossbench.envmap.lights import FileLight, light_named, locate
 from glossbench.errors import InputError, nearest
 from glossbench.items import Cell, Item, MethodItem
 from glossbench.metrics import METRICS
+from glossbench.plugins import import_plugin
 from glossbench.schema import REGISTRIES, ReferenceOptions, StudyKeys
 from glossbench.shading import CHANGES, METHODS, stated_stages
 from glossbench.study_files import study_files
@@ -132,7 +132,7 @@ def load_study(name_or_path: str | Path, light: str | None = None) -> Study:
     model = document.validate(StudyKeys)
     for i, plugin in enumerate(model.plugins):
         try:
-            importlib.import_module(plugin)
+            import_plugin(plugin, path.absolute().parent)
         except (Exception, SystemExit) as error:  # a plug-in is anyone's code
             text = f"plugin {plugin!r}: {type(error).__name__}: {error}"
             raise document.error(("plugins", i), text) from error

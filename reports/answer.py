@@ -87,7 +87,7 @@ def drawn(results: Results, answer: Answer, size: int = 192) -> dict[str, Any]:
     reference, mask = results.reference(key).astype(np.float64), results.mask(key)
     images = [results.image(cell.row["key"]).astype(np.float64) for cell in answer.cells]
     errors = [(image - reference).mean(axis=2) for image in images]
-    limit = pictures.error_limit([error[mask] for error in errors])
+    limit = pictures.middle_limit([error[mask] for error in errors])
     exposure = pictures.exposure_of(reference, mask)
     crops = crops_of(errors, mask, limit, 1)
     crop = crops[0] if crops else Crop(0, 0, mask.shape[1], mask.shape[0])

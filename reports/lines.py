@@ -26,6 +26,8 @@ COSTS = {
     "view": "update for a new view [ms]",
     "memory": "state in memory [MB]",
 }
+# Costs below these, in the same units, are the calls of stages that do nothing: no plot is made of them alone.
+NEGLIGIBLE = {cost: 1e-6 if cost == "memory" else 0.01 for cost in COSTS}
 CONFIDENCE = 0.95
 
 

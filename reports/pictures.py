@@ -87,6 +87,14 @@ def error_limit(errors: Sequence[Floats]) -> float:
     return float(np.percentile(size, 100 - CLIPPED_SHARE)) or float(size.max()) or 1.0
 
 
+def middle_limit(errors: Sequence[Floats]) -> float:
+    """The middle one of the scales that these error maps would have alone, the lower of two.
+
+    So a map of errors far above the others has full colour in many places, and theirs can still be told apart.
+    """
+    return sorted(error_limit([error]) for error in errors)[(len(errors) - 1) // 2]
+
+
 def exposure_of(reference: Floats, mask: Mask) -> float:
     """The factor that brings a high percentile of the reference's brightest channel to white."""
     brightest = reference[mask].max(axis=1)

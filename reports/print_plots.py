@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from .figures import COLOURS, INK, MARKERS, PAPER, RC, number
-from .lines import CONFIDENCE, COSTS, Axis, Floats, Line, axis_of, costing, front, lines_at, named
+from .lines import CONFIDENCE, COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at, named
 from .sweeps import SAMPLES, Place
 
 WIDTH = 6.53  # inches of text across a page
@@ -85,7 +85,7 @@ def against_costs(place: Place, metric: str) -> list[Panel]:
     lines, axis = lines_at(place, metric), axis_of(place, metric)
     found = []
     for cost in COSTS:
-        with_cost = [line for line in lines if (axis.shows(line.errors) & (line.costs[cost] > 0)).any()]
+        with_cost = [line for line in lines if (axis.shows(line.errors) & (line.costs[cost] >= NEGLIGIBLE[cost])).any()]
         if len(with_cost) > 1 or (with_cost and len(lines) == 1):
             found.append(Panel(place, lines, axis, cost))
     return found

@@ -81,7 +81,7 @@ def reference_table(groups: Sequence[Group]) -> dict[str, Any] | None:
     if not rows:
         return None
     columns = [_column("light, material, view"), _column("mean", "radiance"), _column("noise", "radiance")]
-    columns += [_column("noise / mean"), _column("samples", "a pixel"), _column("time", "s")]
+    columns += [_column("noise / mean"), _column("samples", "a pixel, all techniques"), _column("time", "s")]
     caption = "The references. Noise: RMS, over masked pixels and channels, of the standard error."
     return {"caption": caption, "columns": columns, "groups": [{"title": "", "rows": rows}]}
 

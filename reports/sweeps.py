@@ -96,7 +96,7 @@ def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ())
     """By name what a study sweeps, and samples in any case; first what a report shows unasked.
 
     That is, of what has three values or more, what the study's claims fit a slope over; else samples; else what has the
-    most.
+    most, where it leaves no method out.
     """
     rows = [cell.row for group in groups for cell in group.done]
     found = []
@@ -108,7 +108,7 @@ def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ())
     wanted = [*(claim["over"] for claim in claims if "over" in claim), SAMPLES]
 
     def rank(sweep: Sweep) -> tuple[int, int, bool]:
-        if sweep.n_values < FEWEST:
+        if sweep.n_values < FEWEST or (sweep.name not in wanted and any(sweep.value(row) is None for row in rows)):
             return len(wanted) + 1, 0, sweep.name != SAMPLES
         return wanted.index(sweep.name) if sweep.name in wanted else len(wanted), -sweep.n_values, False
 

@@ -17,7 +17,7 @@ import torch
 import yaml
 from matplotlib.image import imread
 
-from glossbench import catalog, cli
+from glossbench import catalog, cli, printing
 from glossbench.catalog import Entry, entries
 from glossbench.commands import completion
 from glossbench.commands.info import registries
@@ -164,6 +164,15 @@ def test_the_table_names_the_options_that_tell_cells_apart(call):
     named = [f"sphere (resolution {r}) filtered_importance_sampling (mip_filter {f}) 4"
              for r in (4, 8) for f in ("box", "gauss4")]  # fmt: skip
     assert all(text in words(line) for text, line in zip(named, lines[1:5], strict=True))
+
+
+def test_a_log_gets_a_line_of_progress_now_and_then(call, monkeypatch):
+    monkeypatch.setattr(printing, "PULSE", 0.0)
+
+    err = call("run", "tiny.yaml", "--no-cache").err
+
+    assert "0 of 4 cells, " in err
+    assert "3 of 4 cells, " in err
 
 
 def test_another_process_prints_the_same_kind_of_end(here):
@@ -425,7 +434,7 @@ def test_a_wrong_call_is_one_line_and_nothing_is_written(call, here, arguments, 
 def test_validate_counts_cells_and_claims(call, here):
     before = everything(here)
 
-    assert call("validate", "tiny.yaml") == (0, "Tiny: 4 cells, 1 claims\n", "")
+    assert call("validate", "tiny.yaml") == (0, "Tiny: 1 light, 1 material, 1 view, 4 cells, 1 claim\n", "")
     assert everything(here) == before
 
 

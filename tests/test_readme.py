@@ -6,6 +6,8 @@ import torch
 
 import glossbench as gb
 from glossbench.contract import check_contract
+from glossbench.envmap.files import write_exr
+from glossbench.study import load_study
 from glossbench.study_files import study_files
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
@@ -44,6 +46,17 @@ def test_method_of_the_readme_shows_a_constant_light_as_it_is():
     image = gb.shade(gb.method("mirror_blur"), light, material, view)
 
     torch.testing.assert_close(image.radiance[image.mask], torch.full((int(image.mask.sum()), 3), 2.5))
+
+
+def test_study_of_the_readme_makes_the_cells_that_it_says(tmp_path):
+    [study] = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+    (tmp_path / "my_study.yaml").write_text(study)
+    write_exr(tmp_path / "probe.exr", gb.light("gradient", resolution=8).faces.new_ones(8, 16, 3))
+    (tmp_path / "my_study.yaml").write_text(study.replace("probe.hdr", "probe.exr"))
+
+    cells = load_study(tmp_path / "my_study.yaml").cells()
+
+    assert len(cells) == 2 * 3 * 2 * 3
 
 
 def test_every_installed_study_is_named_in_the_readme():

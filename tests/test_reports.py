@@ -271,6 +271,13 @@ def test_an_infinite_error_is_the_end_of_the_scale():
     assert np.asarray(shown)[0].tolist() == [0, 254, 254]
 
 
+def test_one_image_far_off_does_not_take_the_colours_of_the_others():
+    small, large = np.full((4, 4), 0.1), np.full((4, 4), 50.0)
+
+    assert pictures.middle_limit([small, large, 2 * small]) == pytest.approx(0.2)
+    assert pictures.middle_limit([large, small]) == pytest.approx(0.1)
+
+
 def test_unsigned_maps_brighten_from_black_without_a_turn():
     ramp = np.linspace(0, 1, 255)[None]
 

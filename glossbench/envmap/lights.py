@@ -113,5 +113,6 @@ def locate(file: str, beside: Path | None = None, what: str = "image file") -> P
         matching = [p for p in sorted(data.rglob("*")) if p.as_posix().endswith(f"/{file}") and p.is_file()]
         if matching:
             return matching[0]
+    tried = dict.fromkeys([Path.cwd(), *([beside] if beside else [])])
     where = f"not below {DATA_VARIABLE}={folder}" if folder else f"and {DATA_VARIABLE} names no folder of data"
-    raise InputError(f"no {what} {file!r}: not in {Path.cwd()} {where}")
+    raise InputError(f"no {what} {file!r}: not in {' or '.join(map(str, tried))} {where}")

@@ -4,6 +4,9 @@ function openCell(key) {
   document.dispatchEvent(new CustomEvent("open-cell", { detail: { key } }));
 }
 
+// Costs below these are the calls of stages that do nothing.
+const NEGLIGIBLE = { shade: 0.01, light: 0.01, material: 0.01, geometry: 0.01, view: 0.01, memory: 1e-6 };
+
 function plots() {
   const { sweeps, metrics, costs, colours } = JSON.parse(document.getElementById("plot-data").textContent);
   const container = document.getElementById("plots-drawn");
@@ -41,7 +44,7 @@ function plots() {
 
   const isHidden = (x, data) => {
     if (x === "over") return !swept().isSwept && !data.isCost;
-    return data.isCost || !swept().hasCosts || data.lines.every((line) => line.x[x].every((value) => value === 0));
+    return data.isCost || !swept().hasCosts || data.lines.every((line) => line.x[x].every((value) => value < NEGLIGIBLE[x]));
   };
 
   const describe = (line, i, x) => {
@@ -78,13 +81,13 @@ function plots() {
       const width = Math.max(220, Math.floor(figure.clientWidth));
       const height = Math.round(isLarge ? Math.min(isAlone ? 460 : 380, width * 0.72) : Math.min(260, width * 0.8));
       const svg = drawPlot({
-        data, x: name, label: titleOf(name), colours, width, height, describe, 
+        data, x: name, label: titleOf(name), colours, width, height, describe,
         shown: (line) => !hidden.has(line.index) && isIn(line) });
       figure.replaceChildren(svg);
     }
     const free = isAlone ? [] : figures.filter(({ figure }) => figure.hidden && figure.dataset.x !== "over")
       .map(({ name }) => costs[name].replace(/ \[.*/, ""));
-    nothing.textContent = free.length ? `No cost at all, for any line: ${free.join(", ")}.` : "";
+    nothing.textContent = free.length ? `No cost, or less than 0.01 ms, for any line: ${free.join(", ")}.` : "";
   };
 
   // The key is made anew only by a choice: a click on it must survive a drawing to another width.
