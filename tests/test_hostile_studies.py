@@ -224,7 +224,7 @@ def test_the_study_that_the_broken_ones_come_from_is_whole(call):
 
     code, out, err = call("validate", "my.yaml")
 
-    assert (code, out, err) == (0, "T: 2 cells, 1 claims\n", "")
+    assert (code, out, err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim\n", "")
 
 
 def pipe(name: str) -> str:
@@ -300,7 +300,7 @@ def test_a_plugin_that_imports_itself_and_prints_is_welcome(call):
 
     code, out, _ = call("validate", "my.yaml")
 
-    assert (code, out) == (0, "hello\nT: 2 cells, 0 claims\n")
+    assert (code, out) == (0, "hello\nT: 1 light, 1 material, 1 view, 2 cells, 0 claims\n")
 
 
 def test_another_process_ends_with_2_and_one_line(here):
@@ -355,7 +355,7 @@ def test_a_where_of_two_sides_may_fit_each(call):
 
     code, out, err = call("validate", "my.yaml")
 
-    assert (code, out, err) == (0, "T: 2 cells, 1 claims\n", "")
+    assert (code, out, err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim\n", "")
 
 
 def test_a_side_that_no_cell_has_is_pointed_at(call):
