@@ -3,11 +3,12 @@
 import importlib
 import logging
 import pkgutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import entry_points
+from inspect import cleandoc
 from typing import Any, Generic, TypeVar
 
-from glossbench.catalog import KINDS, entries
+from glossbench.catalog import KINDS, Entry, entries
 from glossbench.errors import InputError, nearest
 from glossbench.options import Options
 
@@ -43,6 +44,18 @@ class Registry(Generic[T]):
             return cls
 
         return add
+
+    def register_files(self, base: type[T], stated: Iterable[Entry], documented: type[T]) -> None:
+        """A class of a base for each file of the catalogue, so that its name is one like any other.
+
+        Args:
+            documented: the class whose docstring tells the options, after its first paragraph.
+        """
+        options = cleandoc(documented.__doc__ or "").split("\n\n", 1)[1]
+        for each in stated:
+            about = f"{each.stresses[0].upper()}{each.stresses[1:]}: {each.file} of the catalogue.\n\n{options}"
+            members = {"__doc__": about, "__module__": base.__module__, "__qualname__": each.name}
+            self.register(each.name)(type(each.name, (base,), members))
 
     def names(self) -> list[str]:
         """All registered names, sorted."""

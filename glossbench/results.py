@@ -106,6 +106,8 @@ class Results:
     def add_cell(self, row: dict[str, Any], image: Image | None, half_vectors: NDArray[np.float32] | None) -> None:
         """Write a cell; its row comes last, because the row says that it is done."""
         key = row["key"]
+        for path in (self.folder / "images").glob(f"{key}_flip_*.npz"):
+            path.unlink()  # of an image that now goes
         if image is not None:
             _write_image(self.folder / "images" / f"{key}.exr", image.radiance)
             for name, picture in image.pictures.items():

@@ -93,7 +93,7 @@ class RegularSampling(Method):
 
     def notes(self) -> tuple[str, ...]:
         """That the cut at xi is what limits a large budget."""
-        if self.samples < 30 or self.xi < 0.1:
+        if self.n_circles is not None or self.samples < 30 or self.xi < 0.1:
             return ()
         return (
             f"regular_sampling: at xi {self.xi:g} the tail of a lobe stays cut off, however many samples are taken; "

@@ -7,7 +7,7 @@ import numpy as np
 
 from .cells import Group
 from .figures import COLOURS
-from .lines import COSTS, Axis, Floats, Line, axis_of, costing, front, lines_at
+from .lines import COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at
 from .sweeps import Place, Sweep, places_of, with_costs
 
 
@@ -15,6 +15,7 @@ def plot_data(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metrics: Seq
     """All places of all sweeps under all metrics; a number that is missing or not finite is None."""
     return {
         "costs": COSTS,
+        "negligible": NEGLIGIBLE,
         "colours": COLOURS,
         "metrics": list(metrics),
         "sweeps": [

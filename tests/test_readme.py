@@ -50,8 +50,7 @@ def test_method_of_the_readme_shows_a_constant_light_as_it_is():
 
 def test_study_of_the_readme_makes_the_cells_that_it_says(tmp_path):
     [study] = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
-    (tmp_path / "my_study.yaml").write_text(study)
-    write_exr(tmp_path / "probe.exr", gb.light("gradient", resolution=8).faces.new_ones(8, 16, 3))
+    write_exr(tmp_path / "probe.exr", torch.ones(8, 16, 3))
     (tmp_path / "my_study.yaml").write_text(study.replace("probe.hdr", "probe.exr"))
 
     cells = load_study(tmp_path / "my_study.yaml").cells()

@@ -398,3 +398,16 @@ def test_mip_bias_shifts_nothing_under_constant_light(material):
     errors = [furnace_error(material, samples=40, mip_bias=bias) for bias in (-1.0, 0.0, 2.0)]
 
     assert errors == pytest.approx([errors[1]] * 3, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "n"),
+    [
+        ({"samples": 61}, 1),
+        ({"samples": 61, "xi": 0.05}, 0),
+        ({"samples": 17}, 0),
+        ({"n_circles": 3, "spacing": "s1"}, 0),
+    ],
+)
+def test_a_budget_that_the_cut_at_xi_wastes_is_told(options, n):
+    assert len(RegularSampling(**options).notes()) == n

@@ -80,6 +80,17 @@ def test_a_cell_is_read_back_bit_for_bit(results):
     assert hidden(results.folder) == []
 
 
+def test_a_cell_written_again_keeps_no_flip_map_of_its_old_image(results):
+    kept = {key: results.folder / "images" / f"{key}_flip_1.npz" for key in ("k", "other")}
+    for path in kept.values():
+        path.write_bytes(b"")
+
+    results.add_cell({"key": "k"}, Image(torch.zeros(2, 2, 3), torch.ones(2, 2, dtype=torch.bool)), None)
+
+    assert not kept["k"].exists()
+    assert kept["other"].exists()
+
+
 def test_a_reference_is_read_back_in_single_precision(results):
     generator = torch.Generator().manual_seed(2)
     radiance, error = torch.rand(2, 5, 4, 3, generator=generator, dtype=torch.float64)

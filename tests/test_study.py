@@ -564,6 +564,19 @@ def test_plugins_are_imported_before_names_are_resolved(write, tmp_path, monkeyp
     assert study.methods[0].name == "late"
 
 
+def test_a_plugin_is_found_beside_the_study(write, tmp_path, monkeypatch):
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "study_test_beside.py").write_text(
+        "from glossbench.shading import METHODS, Method\n"
+        "@METHODS.register('beside')\nclass Beside(Method):\n    samples: int = 1\n"
+    )
+    path = Path(write(a_study(methods="beside", plugins="[study_test_beside]"))).absolute()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+
+    assert load_study(path).methods[0].name == "beside"
+
+
 def test_a_plugin_that_breaks_is_named_with_its_exception(write, tmp_path, monkeypatch):
     (tmp_path / "study_test_broken.py").write_text("raise RuntimeError('two\\nlines')")
     monkeypatch.syspath_prepend(tmp_path)

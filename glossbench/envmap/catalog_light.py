@@ -1,8 +1,6 @@
 """The environments of the catalogue as lights, each under its own name."""
 
-from inspect import cleandoc
-
-from glossbench.catalog import Entry, entries, entry, fetch
+from glossbench.catalog import entries, entry, fetch
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.facts import LightFacts
 from glossbench.envmap.lights import LIGHTS, FileLight, Light
@@ -36,14 +34,4 @@ class CatalogLight(Light):
         return self.file().key()
 
 
-def _register(stated: Entry) -> None:
-    """A class for one environment, so that its name is a light like any other."""
-    options = cleandoc(CatalogLight.__doc__ or "").split("\n\n", 1)[1]
-    about = f"{stated.stresses[0].upper()}{stated.stresses[1:]}: {stated.file} of the catalogue.\n\n{options}"
-    LIGHTS.register(stated.name)(
-        type(stated.name, (CatalogLight,), {"__doc__": about, "__module__": __name__, "__qualname__": stated.name})
-    )
-
-
-for _stated in entries("environment"):
-    _register(_stated)
+LIGHTS.register_files(CatalogLight, entries("environment"), CatalogLight)

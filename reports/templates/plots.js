@@ -4,11 +4,8 @@ function openCell(key) {
   document.dispatchEvent(new CustomEvent("open-cell", { detail: { key } }));
 }
 
-// Costs below these are the calls of stages that do nothing.
-const NEGLIGIBLE = { shade: 0.01, light: 0.01, material: 0.01, geometry: 0.01, view: 0.01, memory: 1e-6 };
-
 function plots() {
-  const { sweeps, metrics, costs, colours } = JSON.parse(document.getElementById("plot-data").textContent);
+  const { sweeps, metrics, costs, colours, negligible } = JSON.parse(document.getElementById("plot-data").textContent);
   const container = document.getElementById("plots-drawn");
   if (!container || !metrics.length) return;
   const [controls, over, place, metric, key, nothing] = ["controls", "over", "place", "metric", "key", "nothing"].map(
@@ -44,7 +41,7 @@ function plots() {
 
   const isHidden = (x, data) => {
     if (x === "over") return !swept().isSwept && !data.isCost;
-    return data.isCost || !swept().hasCosts || data.lines.every((line) => line.x[x].every((value) => value < NEGLIGIBLE[x]));
+    return data.isCost || !swept().hasCosts || data.lines.every((line) => line.x[x].every((value) => value < negligible[x]));
   };
 
   const describe = (line, i, x) => {
