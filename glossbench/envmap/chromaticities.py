@@ -36,7 +36,7 @@ def matrix_to_rec709(chromaticities: Sequence[tuple[float, float]]) -> np.ndarra
     from white to white: white stays (1, 1, 1). The primaries of CIE XYZ itself need no adaptation: A = 1.
 
     Raises:
-        InputError: not four pairs of numbers below 10, primaries on one line, or a white that is not within their triangle.
+        InputError: not four pairs of numbers below 10, primaries on one line, or a white outside of their triangle.
 
     Source: SMPTE RP 177, normalised primary matrix; Bradford, Lam 1985 with the numbers of Lindbloom, as OpenEXR's
     ImfAcesFile adapts.
