@@ -107,11 +107,14 @@ class _Lights:
         self._item: Item | None = None
         self._light: CubeMap | None = None
         self._keys: dict[Item, str] = {}
+        self.notes: dict[Item, tuple[str, ...]] = {}  # of all that were asked for
         self._digest = 0
 
     def get(self, item: Item) -> CubeMap:
         if self._light is None or self._item != item:
-            self._light = LIGHTS.create(item.name, item.options).cubemap().to(self._study.device)
+            light = LIGHTS.create(item.name, item.options)
+            self._light = light.cubemap().to(self._study.device)
+            self.notes[item] = light.notes()
             self._item = item
             self._keys[item] = self._light.key
             self._digest = _digest(self._light)
@@ -236,7 +239,7 @@ class _Executor:
         if not self.lights.is_intact():
             raise MethodError(f"{method.name} writes into the light, which others read")
         columns |= {
-            "notes": json.dumps([*material.notes(), *view.notes(), *method.notes()]),
+            "notes": json.dumps([*self.lights.notes[cell.light], *material.notes(), *view.notes(), *method.notes()]),
             "reference_noise": truth.noise,
             "reference_peak_noise": float(truth.standard_error.max()),
             "reference_target": self.study.reference.relative_error * truth.mean,

@@ -50,7 +50,7 @@ def light(
     given = {"resolution": resolution, "projection": projection, "axes": axes, **flags}
     chosen = light_named(name, {option: value for option, value in given.items() if value is not None})
     cubemap = chosen.cubemap()
-    print_rows({"light": name} | told(chosen.facts(cubemap)))
+    print_rows({"light": name} | told(chosen.facts(cubemap)) | {"note": "\n".join(chosen.notes())})
     if out.is_terminal:
         out.print(half_blocks(picture(cubemap, min(out.width, 160) // 2)))
     if png is not None:

@@ -1,5 +1,7 @@
 """The environments of the catalogue as lights, each under its own name."""
 
+from functools import cached_property
+
 from glossbench.catalog import entries, entry, fetch
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.facts import LightFacts
@@ -16,22 +18,27 @@ class CatalogLight(Light):
 
     resolution: Resolution | None = None
 
-    def file(self) -> FileLight:
+    @cached_property
+    def _file(self) -> FileLight:
         """The light of the verified file, which is fetched where it is not here."""
         stated = entry(self.name)
         return FileLight.create({"file": str(fetch(self.name)), "resolution": self.resolution, **stated.reading})
 
     def cubemap(self) -> CubeMap:
         """The radiance itself."""
-        return self.file().cubemap()
+        return self._file.cubemap()
 
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
         """What the file holds, and how it was understood."""
-        return self.file().facts(cubemap)
+        return self._file.facts(cubemap)
+
+    def notes(self) -> tuple[str, ...]:
+        """Those of the file."""
+        return self._file.notes()
 
     def key(self) -> str:
         """That of the file: its bytes, and how they are read."""
-        return self.file().key()
+        return self._file.key()
 
 
 LIGHTS.register_files(CatalogLight, entries("environment"), CatalogLight)

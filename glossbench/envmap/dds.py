@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.refusals import check_size, damaged
 from glossbench.errors import InputError
 
@@ -19,7 +20,7 @@ _KNOWN = (
 )
 
 
-def read_dds(path: Path) -> np.ndarray:
+def read_dds(path: Path) -> Decoded:
     """The first MIP level as a vertical strip (6 R, R, 3), float32: the faces +X, -X, +Y, -Y, +Z, -Z from the top.
 
     The cube is left-handed: +X right, +Y up, +Z forward, each face as seen from within; alpha is dropped.
@@ -67,4 +68,4 @@ def read_dds(path: Path) -> np.ndarray:
         raise damaged(path, KIND, f"{len(data) - start} of {6 * face} bytes of pixels are there")
     faces = np.frombuffer(data, np.uint8, 6 * face, start).reshape(6, face)[:, : pixel * width * width]
     texels = np.ascontiguousarray(faces).view(dtype).reshape(6 * width, width, channels)
-    return texels[..., :3].astype(np.float32)
+    return Decoded(texels[..., :3].astype(np.float32))

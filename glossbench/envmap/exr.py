@@ -9,13 +9,14 @@ import OpenImageIO as oiio
 from torch import Tensor
 
 from glossbench.atomic import replacing
+from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.refusals import check_size, damaged, last_error
 from glossbench.errors import InputError, nearest
 
 KIND = "an OpenEXR image"
 
 
-def read_exr(path: Path, layer: str | None = None) -> np.ndarray:
+def read_exr(path: Path, layer: str | None = None) -> Decoded:
     """Colour (H, W, 3), float32, of the data window: level 0, whatever the display window.
 
     Channels R, G, B of the named layer: `layer.R` and so on, or the part of that name. Without a name those of the
@@ -34,7 +35,7 @@ def read_exr(path: Path, layer: str | None = None) -> np.ndarray:
         image = _whole(path, source, part)
     finally:
         source.close()
-    return np.ascontiguousarray(image[..., channels])
+    return Decoded(np.ascontiguousarray(image[..., channels]))
 
 
 def write_exr(path: str | Path, image: Tensor, channels: Sequence[str] = ("R", "G", "B")) -> None:

@@ -11,10 +11,11 @@ import torch
 from torch import Tensor
 
 from glossbench.envmap import dds, exr, hdr, ldr, pfm
+from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.exr import write_exr
 from glossbench.errors import InputError
 
-__all__ = ["read_image", "read_pixels", "write_exr"]
+__all__ = ["check_radiance", "read_file", "read_image", "read_pixels", "write_exr"]
 
 # What a file is and its first bytes, by extension. A reading library would take a PNG that is called .hdr.
 _FORMATS: dict[str, tuple[str, tuple[bytes, ...]]] = {
@@ -31,18 +32,23 @@ _LDR: dict[str, tuple[str, tuple[bytes, ...]]] = {
 
 
 def read_image(path: str | Path, layer: str | None = None, ldr: bool = False) -> Tensor:
-    """Radiance (H, W, 3), float32: `read_pixels` of an image fit to be a light.
+    """Radiance (H, W, 3), float32: the image of a file fit to be a light.
 
     Raises:
-        InputError: as `read_pixels`, and for a value that is NaN, infinite or negative.
+        InputError: as `read_file`, and for a value that is NaN, infinite or negative.
     """
-    image = read_pixels(path, layer, ldr)
-    _check_radiance(Path(path), image)
-    return image
+    image = read_file(path, layer, ldr).image
+    check_radiance(Path(path), image)
+    return torch.from_numpy(image)
 
 
 def read_pixels(path: str | Path, layer: str | None = None, ldr: bool = False) -> Tensor:
-    """The image (H, W, 3), float32, of a file, row 0 at the top; alpha and all else is dropped.
+    """The image (H, W, 3), float32, of a file, row 0 at the top; alpha and all else is dropped."""
+    return torch.from_numpy(read_file(path, layer, ldr).image)
+
+
+def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> Decoded:
+    """The image of a file, with what must be known of it.
 
     Args:
         layer: of an EXR with several, the layer or part to read.
@@ -58,13 +64,13 @@ def read_pixels(path: str | Path, layer: str | None = None, ldr: bool = False) -
     try:
         # A value that overflows on the way is infinite, which is for the caller to judge.
         with np.errstate(over="ignore", invalid="ignore"):
-            image = _decode(path, suffix, layer)
+            decoded = _decode(path, suffix, layer)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    return torch.from_numpy(np.ascontiguousarray(image))
+    return decoded._replace(image=np.ascontiguousarray(decoded.image))
 
 
-def _decode(path: Path, suffix: str, layer: str | None) -> np.ndarray:
+def _decode(path: Path, suffix: str, layer: str | None) -> Decoded:
     if suffix == ".exr":
         return exr.read_exr(path, layer)
     readers = {".hdr": hdr.read_hdr, ".pfm": pfm.read_pfm, ".dds": dds.read_dds}
@@ -97,11 +103,12 @@ def _checked_suffix(path: Path, ldr: bool) -> str:
     return suffix
 
 
-def _check_radiance(path: Path, image: Tensor) -> None:
-    for rule, bad in (("finite", ~torch.isfinite(image)), ("not negative", image < 0)):
+def check_radiance(path: Path, image: np.ndarray) -> None:
+    """InputError where a value of an image (H, W, 3) is NaN, infinite or negative."""
+    for rule, bad in (("finite", ~np.isfinite(image)), ("not negative", image < 0)):
         n_bad = int(bad.any(2).sum())
         if n_bad:
-            row, column = bad.any(2).nonzero()[0].tolist()
+            row, column = np.argwhere(bad.any(2))[0].tolist()
             value = image[row, column][bad[row, column]][0].item()
             where = f"first at row {row}, column {column}: {value:g}"
             raise InputError(f"{path}: radiance must be {rule}, but {n_bad} pixels are not, {where}")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.refusals import check_size, damaged, last_error
 from glossbench.errors import InputError
 
@@ -15,7 +16,7 @@ _MAX_HEADER = 2**16
 _RESOLUTION = re.compile(rb"([-+])([XY]) +([0-9]{1,9}) +([-+])([XY]) +([0-9]{1,9})\s*")
 
 
-def read_hdr(path: Path) -> np.ndarray:
+def read_hdr(path: Path) -> Decoded:
     """Radiance (H, W, 3), float32, row 0 at the top, of any of the eight scan orders.
 
     radiance = stored value / product of all EXPOSURE lines / product of all COLORCORR lines of the channel. Pixels
@@ -46,7 +47,7 @@ def read_hdr(path: Path) -> np.ndarray:
     # Downwards (-Y) and rightwards (+X) are as wanted.
     steps = (1 if sign + axis in (b"-Y", b"+X") else -1 for sign, axis in (match.group(1, 2), match.group(4, 5)))
     image = image[tuple(slice(None, None, step) for step in steps)]
-    return np.ascontiguousarray(image if by_rows else image.swapaxes(0, 1)) * scale
+    return Decoded(np.ascontiguousarray(image if by_rows else image.swapaxes(0, 1)) * scale)
 
 
 def _header(path: Path, data: bytes) -> tuple[list[bytes], int]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.refusals import check_size, damaged
 from glossbench.errors import InputError
 from glossbench.srgb import decoded
@@ -25,7 +26,7 @@ _LINEAR = decoded(np.arange(256) / 255).astype(np.float32)
 logging.getLogger("PIL").addHandler(logging.NullHandler())
 
 
-def read_ldr(path: Path) -> np.ndarray:
+def read_ldr(path: Path) -> Decoded:
     """Colour (H, W, 3), float32, in [0, 1], decoded from sRGB; alpha is dropped.
 
     Raises:
@@ -44,7 +45,7 @@ def read_ldr(path: Path) -> np.ndarray:
                     raise damaged(path, KIND, f"{len(data)} bytes cannot hold {image.width} x {image.height} pixels")
                 if image.mode not in _8_BIT:
                     raise InputError(f"{path}: must have 8 bits a channel, is {image.mode}; convert it to .exr")
-                return _LINEAR[np.asarray(image.convert("RGB"))]
+                return Decoded(_LINEAR[np.asarray(image.convert("RGB"))])
     except InputError:
         raise
     except (*_OF_DAMAGE, Image.DecompressionBombError) as error:

@@ -4,17 +4,20 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
+import torch
 from pydantic import Field
 from torch import Tensor
 
 from glossbench.catalog import DATA_VARIABLE, data_folders
 from glossbench.envmap.axes import Axes
 from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.facts import LightFacts, facts
-from glossbench.envmap.files import read_image
+from glossbench.envmap.files import check_radiance, read_file
 from glossbench.envmap.projections import Projection, guess_projection, to_cubemap
 from glossbench.errors import InputError
 from glossbench.options import Options, Resolution
@@ -60,22 +63,31 @@ class FileLight(Light):
     layer: str | None = None
     ldr: bool = False
 
+    @cached_property
+    def _decoded(self) -> Decoded:
+        """The content of the file, of which all below is made."""
+        path = locate(self.file)
+        decoded = read_file(path, self.layer, self.ldr)
+        check_radiance(path, decoded.image)
+        return decoded
+
     def image(self) -> Tensor:
         """The file's radiance (H, W, 3) as stored, times `scale`."""
-        return read_image(locate(self.file), self.layer, self.ldr) * self.scale
+        return torch.from_numpy(self._decoded.image) * self.scale
 
     def cubemap(self) -> CubeMap:
         """The file's radiance as a cube map, its energy kept."""
-        return self._cubemap(self.image())
+        return to_cubemap(self.image(), self.projection, self.resolution, self.flip_vertical, self.key(), self.axes)
 
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
         """What the file holds, and how it was understood."""
         image = self.image()
-        cubemap = self._cubemap(image) if cubemap is None else cubemap
+        cubemap = self.cubemap() if cubemap is None else cubemap
         return facts(cubemap, self.projection or guess_projection(*image.shape[:2]), image)
 
-    def _cubemap(self, image: Tensor) -> CubeMap:
-        return to_cubemap(image, self.projection, self.resolution, self.flip_vertical, self.key(), self.axes)
+    def notes(self) -> tuple[str, ...]:
+        """What was changed, left out or assumed of the file's content, each with the file's name."""
+        return tuple(f"{Path(self.file).name}: {note}" for note in self._decoded.notes)
 
     def key(self) -> str:
         """Hash of the file's bytes, and the options that say how it is read."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.refusals import check_size, damaged
 
 KIND = "a portable float map"
@@ -13,7 +14,7 @@ KIND = "a portable float map"
 _HEADER = re.compile(rb"(PF|Pf)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([-+]?[0-9.eE+-]{1,30})(\r\n|\s)")
 
 
-def read_pfm(path: Path) -> np.ndarray:
+def read_pfm(path: Path) -> Decoded:
     """Image (H, W, 3), float32, row 0 at the top; grey (Pf) three times.
 
     value = stored * |scale|: a negative scale says little-endian, its magnitude is the unit of the samples. Writers
@@ -41,4 +42,4 @@ def read_pfm(path: Path) -> np.ndarray:
         raise damaged(path, KIND, f"{there} of {wanted} bytes of pixels are there")
     stored = np.frombuffer(data, "<f4" if scale < 0 else ">f4", height * width * channels, match.end())
     image = stored.reshape(height, width, channels)[::-1] * np.float32(abs(scale))
-    return image.astype(np.float32).repeat(3 // channels, axis=2)
+    return Decoded(image.astype(np.float32).repeat(3 // channels, axis=2))
