@@ -26,7 +26,7 @@ class LightFacts:
         dynamic_range: peak / the luminance below which lies 1 % of the sphere that is not black; 1 of a black light.
         brightest_share: part of the total luminance in the brightest 0.1 % of the sphere, [0, 1]; 0 of a black light.
         irradiance_up, irradiance_right, irradiance_forward: integral of L cos about +y, +x, -z, RGB.
-        projection: of the image that it came from, None of a light that is no image.
+        projection, axes: of the image that it came from, None of a light that is no image.
         width, height: of that image in pixels.
         image_peak: largest luminance of its pixels; `peak` is lower where a lamp is smaller than a texel.
     """
@@ -40,13 +40,16 @@ class LightFacts:
     irradiance_right: Color
     irradiance_forward: Color
     projection: str | None = None
+    axes: str | None = None
     width: int | None = None
     height: int | None = None
     image_peak: float | None = None
 
 
-def facts(cubemap: CubeMap, projection: str | None = None, image: Tensor | None = None) -> LightFacts:
-    """The facts of a cube map, and of the image (H, W, 3) in a projection that it came from where there is one."""
+def facts(
+    cubemap: CubeMap, projection: str | None = None, image: Tensor | None = None, axes: str | None = None
+) -> LightFacts:
+    """The facts of a cube map, and of the image (H, W, 3), its projection and axes, that it came from if it did."""
     weights = torch.tensor(LUMINANCE).double()
     resolution = cubemap.resolution
     solid_angle = texel_solid_angles(resolution).expand(6, -1, -1).flatten()
@@ -66,6 +69,7 @@ def facts(cubemap: CubeMap, projection: str | None = None, image: Tensor | None 
         irradiance_right=tuple(e[1]),
         irradiance_forward=tuple(e[2]),
         projection=projection,
+        axes=axes,
         width=None if image is None else image.shape[1],
         height=None if image is None else image.shape[0],
         image_peak=None if image is None else (image.double() @ weights).max().item(),
