@@ -20,7 +20,7 @@ __all__ = ["check_radiance", "read_file", "read_image", "read_pixels", "write_ex
 # What a file is and its first bytes, by extension. A reading library would take a PNG that is called .hdr.
 _FORMATS: dict[str, tuple[str, tuple[bytes, ...]]] = {
     ".exr": (exr.KIND, (b"\x76\x2f\x31\x01",)),
-    ".hdr": (hdr.KIND, (b"#?RADIANCE", b"#?RGBE")),
+    ".hdr": (hdr.KIND, (b"#?",)),
     ".pfm": (pfm.KIND, (b"PF", b"Pf")),
     ".dds": (dds.KIND, (b"DDS ",)),
 }
