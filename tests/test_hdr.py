@@ -143,7 +143,7 @@ def test_cie_xyz_and_other_primaries_are_converted(tmp_path):
         (coded(RGBE[0]) + b"\2\2\0\x08" + b"\0\0" * 12, "its runs make 0 of 8 pixels of scanline 1"),
         (coded(RGBE[0]) + coded(RGBE[1]) + b"\1\1\1\1" * 8, "a repetition of nothing"),
         (coded(RGBE[0])[:-1], "its runs make 0 of 8 pixels of scanline 0"),
-        (b"abc", r"too few bytes \(3\) for the 3 x 8 pixels"),
+        (b"abc", "too few bytes for the 3 x 8 pixels that its header claims: 3"),
     ],
 )
 def test_scanlines_that_do_not_add_up_are_one_line(tmp_path, body, message):

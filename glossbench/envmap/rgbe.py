@@ -23,11 +23,8 @@ def read_pixels(path: Path, kind: str, start: int, n_lines: int, n_pixels: int) 
     """
     n_bytes = path.stat().st_size - start
     if n_bytes < 4 * n_lines:
-        raise damaged(
-            path,
-            kind,
-            f"too few bytes ({max(n_bytes, 0)}) for the {n_lines} x {n_pixels} pixels that its header claims",
-        )
+        claimed = f"the {n_lines} x {n_pixels} pixels that its header claims"
+        raise damaged(path, kind, f"too few bytes for {claimed}: {max(n_bytes, 0)}")
     with path.open("rb") as file:
         file.seek(start)
         data = file.read(n_lines * (8 * n_pixels + 4))  # all that the longest coding takes
