@@ -1,7 +1,6 @@
 """Image files to a tensor: OpenEXR, Radiance HDR, TIFF, portable float maps, DDS cube maps; integers when asked.
 
-Images are (H, W, 3), row 0 at the top, linear radiance, float32. What a file holds is checked here, once, so
-that whoever gets a tensor has an image that is finite and not negative.
+Images are (H, W, 3), row 0 at the top, linear radiance, float32.
 """
 
 from pathlib import Path
@@ -13,10 +12,11 @@ from torch import Tensor
 from glossbench.envmap import dds, exr, hdr, ldr, pfm
 from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.exr import write_exr
+from glossbench.envmap.radiance import fit_to_be_light
 from glossbench.envmap.signatures import recognised, what_to_do
 from glossbench.errors import InputError
 
-__all__ = ["check_radiance", "read_file", "read_image", "read_pixels", "write_exr"]
+__all__ = ["read_file", "read_image", "read_pixels", "write_exr"]
 
 # What a file holds by its extension; its first bytes must agree, as a reading library would take a PNG called .hdr.
 _FLOATS = {".exr": exr.KIND, ".hdr": hdr.KIND, ".pfm": pfm.KIND, ".dds": dds.KIND, ".tif": ldr.KINDS[".tif"]}
@@ -29,7 +29,7 @@ def read_image(path: str | Path, layer: str | None = None, ldr: bool = False) ->
         InputError: as `read_file`, and for a value that is NaN, infinite or negative.
     """
     image = read_file(path, layer, ldr).image
-    check_radiance(Path(path), image)
+    fit_to_be_light(Path(path), image)
     return torch.from_numpy(image)
 
 
@@ -97,14 +97,3 @@ def _checked_suffix(path: Path, is_ldr: bool) -> str:
     if found is None or found.kind != kind:
         raise InputError(f"{path}: is not {kind}: {begins}")
     return suffix
-
-
-def check_radiance(path: Path, image: np.ndarray) -> None:
-    """InputError where a value of an image (H, W, 3) is NaN, infinite or negative."""
-    for rule, bad in (("finite", ~np.isfinite(image)), ("not negative", image < 0)):
-        n_bad = int(bad.any(2).sum())
-        if n_bad:
-            row, column = np.argwhere(bad.any(2))[0].tolist()
-            value = image[row, column][bad[row, column]][0].item()
-            where = f"first at row {row}, column {column}: {value:g}"
-            raise InputError(f"{path}: radiance must be {rule}, but {n_bad} pixels are not, {where}")
