@@ -396,7 +396,7 @@ def test_the_truncation_check_notices_a_reader_that_accepts_what_there_is(tmp_pa
         try:
             return read_image(path)
         except InputError as error:
-            if "its runs make" not in str(error):
+            if "its runs make" not in str(error) and "too few bytes" not in str(error):
                 raise
 
     assert accepted_cuts(path, path.read_bytes(), forgiving) != []
@@ -419,9 +419,9 @@ def claiming(path, size):
     path.write_bytes(HDR_HEADER + f"-Y {size} +X {size}\n".encode() + bytes([2, 2, size >> 8, size & 255]) * 9)
 
 
-def xyze(path):
+def xyze(path, name=b"xyze"):
     flat_hdr(path)
-    path.write_bytes(path.read_bytes().replace(b"rgbe", b"xyze"))
+    path.write_bytes(path.read_bytes().replace(b"rgbe", name))
 
 
 def valued(path, *values):
@@ -438,9 +438,9 @@ def valued(path, *values):
         ("a.exr", lambda p: None, "no such file"),
         ("a.exr", lambda p: p.mkdir(), "must be an image file, is a folder"),
         ("a.hdr", lambda p: p.write_bytes(b""), r"is empty \(0 bytes\)"),
-        ("a.gif", lambda p: p.write_bytes(b"x"), r"unknown extension '.gif'; known: .exr, .hdr, .pfm, .dds"),
-        ("a.png", lambda p: p.write_bytes(b"x"), "is no high-dynamic-range image; .* set ldr: true"),
-        ("a.JPG", lambda p: p.write_bytes(b"x"), "is no high-dynamic-range image; .* set ldr: true"),
+        ("a.gif", lambda p: p.write_bytes(b"x"), r"unknown extension '.gif'; known: .exr, .hdr, .pfm, .dds, .tif"),
+        ("a.png", lambda p: p.write_bytes(b"x"), "is not a high-dynamic-range image; .* set ldr: true"),
+        ("a.JPG", lambda p: p.write_bytes(b"x"), "is not a high-dynamic-range image; .* set ldr: true"),
         ("light", lambda p: p.write_bytes(b"x"), "unknown extension ''; known"),
         ("a.hdr", lambda p: p.write_bytes(b"\x89PNG\r\n\x1a\n" * 9), r"not a Radiance HDR image: .*PNG"),
         ("a.exr", lambda p: p.write_bytes(b"\xff\xd8\xff\xe0" * 9), "not an OpenEXR image"),
@@ -459,14 +459,22 @@ def valued(path, *values):
             lambda p: old_rle_hdr(p, [(9, 9, 200, 129)] * 6),
             "damaged.*runs make 6 pixels, its header claims 800",
         ),
-        ("a.hdr", lambda p: old_rle_hdr(p, [(1, 1, 1, 9)]), "damaged.*a repetition of nothing"),
+        ("a.hdr", lambda p: old_rle_hdr(p, [(1, 1, 1, 9)] * 2), "damaged.*a repetition of nothing"),
         ("a.hdr", lambda p: old_rle_hdr(p, [(9, 9, 9, 9), *[(1, 1, 1, 255)] * 9]), "damaged.*its header claims 800"),
         ("a.hdr", lambda p: headed(p, b"GAMMA=2.2"), "must be linear .* remove it"),
         ("a.hdr", lambda p: headed(p, b"EXPOSURE=bright"), "damaged.*EXPOSURE must be 1 positive number, got 'bright'"),
-        ("a.hdr", lambda p: headed(p, b"EXPOSURE=0"), "damaged.*EXPOSURE must be 1 positive"),
+        (
+            "a.hdr",
+            lambda p: headed(p, b"EXPOSURE=-1"),
+            "EXPOSURE must be 1 positive number, got '-1'; correct or remove",
+        ),
+        ("a.hdr", lambda p: headed(p, b"EXPOSURE=1,5"), "EXPOSURE must be 1 positive number, got '1,5'"),
+        ("a.hdr", lambda p: headed(p, b"EXPOSURE=nan"), "EXPOSURE must be 1 positive number, got 'nan'"),
+        ("a.hdr", lambda p: headed(p, b"COLORCORR=1 0 1"), "COLORCORR must be 3 positive numbers, got '1 0 1'"),
+        ("a.hdr", lambda p: headed(p, b"PRIMARIES=0.6 0.3"), "PRIMARIES must be 8 numbers, got '0.6 0.3'"),
         ("a.hdr", lambda p: headed(p, b"EXPOSURE=1e300\nEXPOSURE=1e300"), "damaged.*multiply to inf"),
         ("a.hdr", lambda p: headed(p, b"COLORCORR=1 2"), "damaged.*COLORCORR must be 3 positive numbers"),
-        ("a.hdr", lambda p: xyze(p), "FORMAT must be 32-bit_rle_rgbe, is 32-bit_rle_xyze"),
+        ("a.hdr", lambda p: xyze(p, b"luv"), "FORMAT must be 32-bit_rle_rgbe or 32-bit_rle_xyze, is 32-bit_rle_luv"),
         ("a.pfm", lambda p: p.write_bytes(b"PF\n3 2\nx\n"), "damaged.*no header such as"),
         ("a.pfm", lambda p: p.write_bytes(b"PF" + b" " * 999), "damaged.*no header such as"),
         ("a.pfm", lambda p: p.write_bytes(b"PF 3 2 0.0\n"), "damaged.*scale must be a number other than 0, got 0.0"),
@@ -542,15 +550,6 @@ def test_a_layer_that_is_not_there_is_one_clear_line(tmp_path, make, options, me
 
     with pytest.raises(InputError, match=message):
         read_image(path, **options)
-
-
-def test_more_than_8_bits_are_not_squeezed_into_8(tmp_path):
-    Image.fromarray(np.ones((4, 4), np.uint16) * 999).save(tmp_path / "a.png")
-    Image.fromarray(np.ones((4, 4), np.float32)).save(tmp_path / "a.tif")
-
-    for name in ("a.png", "a.tif"):
-        with pytest.raises(InputError, match="must have 8 bits a channel"):
-            read_image(tmp_path / name, ldr=True)
 
 
 @pytest.mark.parametrize("coding", CODINGS)

@@ -27,6 +27,9 @@ def light(
     flip: Annotated[bool, typer.Option("--flip", help="The file's first row is straight down.")] = False,
     layer: Annotated[str | None, typer.Option(help="Of an .exr with several, the layer or part to read.")] = None,
     ldr: Annotated[bool, typer.Option("--ldr", help="Take a file of 8 bits, decoded from sRGB.")] = False,
+    invalid: Annotated[
+        str | None, typer.Option(help="Of pixels that are negative or not finite: refuse, or clamp them.")
+    ] = None,
     png: Annotated[Path | None, typer.Option(help="Write a tone-mapped picture to this .png file.")] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the light to this .exr file.")] = None,
     written: Annotated[
@@ -53,7 +56,7 @@ def light(
         check_exr_name(output)
         check_written(form, written_axes)
     flags = {"flip_vertical": flip or None, "layer": layer, "ldr": ldr or None}
-    given = {"resolution": resolution, "projection": projection, "axes": axes, **flags}
+    given = {"resolution": resolution, "projection": projection, "axes": axes, "invalid": invalid, **flags}
     chosen = light_named(name, {option: value for option, value in given.items() if value is not None})
     cubemap = chosen.cubemap()
     print_rows({"light": name} | told(chosen.facts(cubemap)) | {"note": "\n".join(chosen.notes())})

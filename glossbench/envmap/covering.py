@@ -3,7 +3,7 @@
 from typing import NamedTuple, cast
 
 from glossbench.envmap.decoded import Covering
-from glossbench.envmap.projections import Projection, fits, guess_projection
+from glossbench.envmap.projections import Projection, fits, guess_projection, unusual_shape
 
 
 class Covered(NamedTuple):
@@ -26,13 +26,15 @@ def covered(said: Covering | None, projection: Projection | None, axes: str | No
     if said is not None and not fits(said.projection, height, width):
         notes.append(f"{said.said_by} says {said.projection}, which {width} x {height} pixels are not: left out")
         said = None
-    if said is None:
-        return Covered(projection or guess_projection(height, width), axes or "forward", tuple(notes))
-    if projection is not None and projection != said.projection:
+    if said is not None and projection not in (None, said.projection):
         notes.append(f"{said.said_by} says {said.projection}, read as {projection} as is stated")
-        return Covered(projection, axes or "forward", tuple(notes))
+        said = None
+    if said is None:
+        chosen = projection or guess_projection(height, width)
+        return Covered(chosen, axes or "forward", (*notes, *unusual_shape(chosen, height, width)))
     if axes not in (None, said.axes):
         notes.append(f"{said.said_by} says axes {said.axes}, read by axes {axes} as is stated")
     elif axes is None and said.note:
         notes.append(said.note)
+    notes += unusual_shape(said.projection, height, width)
     return Covered(cast("Projection", said.projection), axes or said.axes, tuple(notes))

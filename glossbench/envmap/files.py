@@ -1,7 +1,6 @@
-"""Image files to a tensor: OpenEXR, Radiance HDR, portable float maps, DDS cube maps; 8-bit images when asked.
+"""Image files to a tensor: OpenEXR, Radiance HDR, TIFF, portable float maps, DDS cube maps; integers when asked.
 
-Images are (H, W, 3), row 0 at the top, linear radiance, float32. What a file holds is checked here, once, so
-that whoever gets a tensor has an image that is finite and not negative.
+Images are (H, W, 3), row 0 at the top, linear radiance, float32.
 """
 
 from pathlib import Path
@@ -13,22 +12,14 @@ from torch import Tensor
 from glossbench.envmap import dds, exr, hdr, ldr, pfm
 from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.exr import write_exr
+from glossbench.envmap.radiance import fit_to_be_light
+from glossbench.envmap.signatures import recognised, what_to_do
 from glossbench.errors import InputError
 
-__all__ = ["check_radiance", "read_file", "read_image", "read_pixels", "write_exr"]
+__all__ = ["read_file", "read_image", "read_pixels", "write_exr"]
 
-# What a file is and its first bytes, by extension. A reading library would take a PNG that is called .hdr.
-_FORMATS: dict[str, tuple[str, tuple[bytes, ...]]] = {
-    ".exr": (exr.KIND, (b"\x76\x2f\x31\x01",)),
-    ".hdr": (hdr.KIND, (b"#?RADIANCE", b"#?RGBE")),
-    ".pfm": (pfm.KIND, (b"PF", b"Pf")),
-    ".dds": (dds.KIND, (b"DDS ",)),
-}
-_LDR: dict[str, tuple[str, tuple[bytes, ...]]] = {
-    ".png": (ldr.KIND, (b"\x89PNG",)),
-    **dict.fromkeys((".jpg", ".jpeg"), (ldr.KIND, (b"\xff\xd8\xff",))),
-    **dict.fromkeys((".tif", ".tiff"), (ldr.KIND, (b"II*\0", b"MM\0*"))),
-}
+# What a file holds by its extension; its first bytes must agree, as a reading library would take a PNG called .hdr.
+_FLOATS = {".exr": exr.KIND, ".hdr": hdr.KIND, ".pfm": pfm.KIND, ".dds": dds.KIND, ".tif": ldr.KINDS[".tif"]}
 
 
 def read_image(path: str | Path, layer: str | None = None, ldr: bool = False) -> Tensor:
@@ -38,7 +29,7 @@ def read_image(path: str | Path, layer: str | None = None, ldr: bool = False) ->
         InputError: as `read_file`, and for a value that is NaN, infinite or negative.
     """
     image = read_file(path, layer, ldr).image
-    check_radiance(Path(path), image)
+    fit_to_be_light(Path(path), image)
     return torch.from_numpy(image)
 
 
@@ -52,7 +43,7 @@ def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> 
 
     Args:
         layer: of an EXR with several, the layer or part to read.
-        ldr: take an 8-bit image, decoded from sRGB.
+        ldr: take an image of integers, decoded from sRGB.
 
     Raises:
         InputError: no such file, another or damaged format, truncated, no pixels or more than 2^28.
@@ -64,26 +55,28 @@ def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> 
     try:
         # A value that overflows on the way is infinite, which is for the caller to judge.
         with np.errstate(over="ignore", invalid="ignore"):
-            decoded = _decode(path, suffix, layer)
+            decoded = _decode(path, suffix, layer, ldr)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     return decoded._replace(image=np.ascontiguousarray(decoded.image))
 
 
-def _decode(path: Path, suffix: str, layer: str | None) -> Decoded:
+def _decode(path: Path, suffix: str, layer: str | None, is_ldr: bool) -> Decoded:
     if suffix == ".exr":
         return exr.read_exr(path, layer)
-    readers = {".hdr": hdr.read_hdr, ".pfm": pfm.read_pfm, ".dds": dds.read_dds}
-    return readers.get(suffix, ldr.read_ldr)(path)
+    if suffix in ldr.KINDS:
+        return ldr.read_ldr(path, is_ldr)
+    return {".hdr": hdr.read_hdr, ".pfm": pfm.read_pfm, ".dds": dds.read_dds}[suffix](path)
 
 
-def _checked_suffix(path: Path, ldr: bool) -> str:
+def _checked_suffix(path: Path, is_ldr: bool) -> str:
     """The extension; InputError where it, the first bytes or the disk disagree."""
     suffix = path.suffix.lower()
-    if suffix in _LDR and not ldr:
-        raise InputError(f"{path}: is no high-dynamic-range image; to use its 8 bits as radiance set ldr: true")
-    if suffix not in _FORMATS | _LDR:
-        raise InputError(f"{path}: unknown extension {path.suffix!r}; known: {', '.join(_FORMATS)}")
+    kind = (_FLOATS | ldr.KINDS).get(suffix)
+    if suffix in (".png", ".jpg", ".jpeg") and not is_ldr:
+        raise ldr.not_asked_for(path)
+    if kind is None and not path.is_file():
+        raise InputError(f"{path}: unknown extension {path.suffix!r}; known: {', '.join(_FLOATS)}")
     if path.is_dir():
         raise InputError(f"{path}: must be an image file, is a folder")
     if not path.exists():
@@ -92,23 +85,15 @@ def _checked_suffix(path: Path, ldr: bool) -> str:
         raise InputError(f"{path}: must be an image file, is a device or pipe")
     try:
         with path.open("rb") as file:
-            head = file.read(16)
+            head = file.read(24)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    begins = f"it begins with {head[:8]!r}{what_to_do(head)}"
+    if kind is None:
+        raise InputError(f"{path}: unknown extension {path.suffix!r}; known: {', '.join(_FLOATS)}; {begins}")
     if not head:
         raise InputError(f"{path}: is empty (0 bytes)")
-    kind, magic = (_FORMATS | _LDR)[suffix]
-    if not head.startswith(magic):
-        raise InputError(f"{path}: is not {kind}: it begins with {head[:8]!r}")
+    found = recognised(head)
+    if found is None or found.kind != kind:
+        raise InputError(f"{path}: is not {kind}: {begins}")
     return suffix
-
-
-def check_radiance(path: Path, image: np.ndarray) -> None:
-    """InputError where a value of an image (H, W, 3) is NaN, infinite or negative."""
-    for rule, bad in (("finite", ~np.isfinite(image)), ("not negative", image < 0)):
-        n_bad = int(bad.any(2).sum())
-        if n_bad:
-            row, column = np.argwhere(bad.any(2))[0].tolist()
-            value = image[row, column][bad[row, column]][0].item()
-            where = f"first at row {row}, column {column}: {value:g}"
-            raise InputError(f"{path}: radiance must be {rule}, but {n_bad} pixels are not, {where}")

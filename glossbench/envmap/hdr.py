@@ -1,131 +1,142 @@
-"""Radiance pictures (.hdr): four bytes a pixel, mantissas of red, green, blue and a shared exponent."""
+"""Radiance pictures (.hdr): a header of text, then four bytes a pixel."""
 
 import re
 from math import isfinite, prod
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 
+from glossbench.envmap.chromaticities import REC_709, to_rec709
 from glossbench.envmap.decoded import Decoded
-from glossbench.envmap.refusals import check_size, damaged, last_error
+from glossbench.envmap.refusals import check_size, damaged
+from glossbench.envmap.rgbe import read_pixels
 from glossbench.errors import InputError
 
 KIND = "a Radiance HDR image"
 _MAX_HEADER = 2**16
-_RESOLUTION = re.compile(rb"([-+])([XY]) +([0-9]{1,9}) +([-+])([XY]) +([0-9]{1,9})\s*")
+_RESOLUTION = re.compile(rb"\s*([-+])([XY])\s+([0-9]{1,9})\s+([-+])([XY])\s+([0-9]{1,9})\s*")
+_XYZ = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), (1 / 3, 1 / 3))
+# What Radiance itself states of its own pictures, whose pixels all programs take for Rec. 709.
+_RADIANCE = ((0.64, 0.33), (0.29, 0.60), (0.15, 0.06), (1 / 3, 1 / 3))
 
 
 def read_hdr(path: Path) -> Decoded:
     """Radiance (H, W, 3), float32, row 0 at the top, of any of the eight scan orders.
 
-    radiance = stored value / product of all EXPOSURE lines / product of all COLORCORR lines of the channel. Pixels
-    may be flat or run-length coded, in the old way (a pixel 1, 1, 1, n repeats the one before) or the new (planes of
-    a scanline).
+    radiance = stored value / product of all EXPOSURE lines / product of all COLORCORR lines of the channel, from CIE
+    XYZ (FORMAT=32-bit_rle_xyze) or other PRIMARIES converted to linear Rec. 709. An EXPOSURE, COLORCORR or GAMMA of 0
+    says nothing, and counts as 1. Spaces and tabs about names and numbers, line ends of all systems, and headers
+    without FORMAT or with empty lines in them are taken as they are.
 
     Raises:
-        InputError: damaged or too large; CIE XYZ instead of RGB; a GAMMA other than 1, which is not linear.
+        InputError: damaged or too large; a GAMMA other than 1, which is not linear.
 
     Source: Ward 1991, "Real Pixels"; the file formats of the Radiance manual ("divide by all the EXPOSURE settings").
     """
-    data = path.read_bytes()
-    lines, start = _header(path, data)
-    match = _RESOLUTION.fullmatch(lines[-1])
-    if not match or match[2] == match[5]:
-        raise damaged(path, KIND, f"no line of its size such as '-Y 512 +X 1024', got {lines[-1][:40]!r}")
+    lines, match, start = _header(path)
     n_lines, n_pixels = int(match[3]), int(match[6])
     by_rows = match[2] == b"Y"
     check_size(path, KIND, *((n_pixels, n_lines) if by_rows else (n_lines, n_pixels)))
-    scale = _scale(path, [line.decode("ascii", "replace") for line in lines[1:-1]])
-    if data[start : start + 2] == b"\2\2" and data[start + 2 : start + 3] < b"\x80" and 8 <= n_pixels < 2**15:
-        # A run covers at most 127 bytes of a plane, so a small file cannot claim a large image.
-        if len(data) - start < n_lines * (4 + 8 * -(-n_pixels // 127)):
-            raise damaged(path, KIND, f"too few bytes for the {n_lines} x {n_pixels} pixels that its header claims")
-        image = _planes(path, n_lines, n_pixels)
-    else:
-        image = _records(path, data, start, n_lines * n_pixels).reshape(n_lines, n_pixels, 3)
+    pairs = [(name.strip().upper(), value.strip()) for name, _, value in (line.partition("=") for line in lines)]
+    scale, notes = _scale(path, pairs)
+    primaries = _primaries(path, pairs)
+    image = read_pixels(path, KIND, start, n_lines, n_pixels)
+    if not (scale == 1).all():
+        image *= scale
     # Downwards (-Y) and rightwards (+X) are as wanted.
     steps = (1 if sign + axis in (b"-Y", b"+X") else -1 for sign, axis in (match.group(1, 2), match.group(4, 5)))
     image = image[tuple(slice(None, None, step) for step in steps)]
-    return Decoded(np.ascontiguousarray(image if by_rows else image.swapaxes(0, 1)) * scale)
+    image = np.ascontiguousarray(image if by_rows else image.swapaxes(0, 1))
+    if primaries not in (REC_709, _RADIANCE):
+        given = (
+            "CIE XYZ" if primaries == _XYZ else f"its PRIMARIES {' '.join(f'{n:g}' for xy in primaries for n in xy)}"
+        )
+        notes.append(f"converted from {given} to linear Rec. 709")
+        image = to_rec709(image, primaries)
+    return Decoded(image, tuple(notes))
 
 
-def _header(path: Path, data: bytes) -> tuple[list[bytes], int]:
-    """Lines of the header without the empty one, the size last, and where the pixels begin."""
-    end = data.find(b"\n\n", 0, _MAX_HEADER)
-    size = data.find(b"\n", end + 2, end + 2 + 80) if end >= 0 else -1
-    if size < 0:
-        raise damaged(path, KIND, "its header does not end")
-    return [*data[:end].split(b"\n"), data[end + 2 : size]], size + 1
+def _header(path: Path) -> tuple[list[str], re.Match[bytes], int]:
+    """Lines of the header, the size that ends it, and where the pixels begin.
+
+    The size stands behind an empty line; but some programs leave more lines empty, or none.
+    """
+    with path.open("rb") as file:
+        head = file.read(_MAX_HEADER)
+    first = re.search(rb"\r\n|\n|\r", head)
+    end_of_line = b"\r" if first and first[0] == b"\r" else b"\n"
+    lines: list[bytes] = []
+    at = 0
+    while (end := head.find(end_of_line, at)) >= 0:
+        line = head[at:end]
+        at = end + 1
+        if match := _RESOLUTION.fullmatch(line):
+            if match[2] == match[5]:
+                raise _no_size(path, line)
+            return [each.decode("ascii", "replace") for each in lines if not each.startswith(b"#")], match, at
+        if lines and not lines[-1].strip() and line.strip() and not re.match(rb"#|\s*[A-Za-z_]+\s*=", line):
+            raise _no_size(path, line)
+        lines.append(line)
+    raise damaged(path, KIND, "its header does not end")
 
 
-def _scale(path: Path, lines: list[str]) -> np.ndarray:
-    """Factor of each channel, float32 (3,)."""
-    pairs = [(name.strip(), value.strip()) for name, _, value in (line.partition("=") for line in lines)]
+def _no_size(path: Path, line: bytes) -> InputError:
+    return damaged(path, KIND, f"no line of its size such as '-Y 512 +X 1024', got {line[:40]!r}")
 
-    def numbers(key: str, count: int) -> list[list[float]]:
-        found = []
-        for value in (value for name, value in pairs if name == key):
-            try:
-                found.append([float(word) for word in value.split()])
-            except ValueError:
-                found.append([])
-            if len(found[-1]) != count or not all(isfinite(n) and n > 0 for n in found[-1]):
-                raise damaged(
-                    path, KIND, f"{key} must be {count} positive number{'s' * (count > 1)}, got {value[:40]!r}"
-                )
-        return found
 
-    for name, value in pairs:
-        if name == "FORMAT" and value != "32-bit_rle_rgbe":
-            raise InputError(f"{path}: FORMAT must be 32-bit_rle_rgbe, is {value[:40]}; convert it to RGB first")
-    if any(gamma != [1.0] for gamma in numbers("GAMMA", 1)):
+def _numbers(path: Path, pairs: list[tuple[str, str]], key: str, count: int) -> list[list[float]]:
+    """The numbers of each line of a key."""
+    found = []
+    for value in (value for name, value in pairs if name == key):
+        try:
+            found.append([float(word) for word in value.split()])
+        except ValueError:
+            found.append([])
+        if value and not (len(found[-1]) == count and all(isfinite(n) for n in found[-1])):
+            raise _no_numbers(path, key, count, value)
+    return found
+
+
+def _no_numbers(path: Path, key: str, count: int, value: str) -> InputError:
+    rule, many = "" if key == "PRIMARIES" else "positive ", "s" * (count > 1)
+    return damaged(path, KIND, f"{key} must be {count} {rule}number{many}, got {value[:40]!r}; correct or remove it")
+
+
+def _scale(path: Path, pairs: list[tuple[str, str]]) -> tuple[np.ndarray, list[str]]:
+    """Factor of each channel, float32 (3,), and notes."""
+    stated, notes = {}, []
+    for key, count in (("EXPOSURE", 1), ("COLORCORR", 3), ("GAMMA", 1)):
+        stated[key] = [[1.0] * count]
+        for numbers in _numbers(path, pairs, key, count):
+            if not any(numbers):
+                notes.append(f"{key}={' '.join(f'{n:g}' for n in numbers)} states nothing and counts as 1")
+            elif min(numbers) <= 0:
+                raise _no_numbers(path, key, count, " ".join(f"{n:g}" for n in numbers))
+            else:
+                stated[key].append(numbers)
+    if any(gamma != [1.0] for gamma in stated["GAMMA"]):
         raise InputError(f"{path}: must be linear (GAMMA=1), is gamma-corrected; where the line is wrong, remove it")
-    exposure = prod(e for (e,) in numbers("EXPOSURE", 1))
-    correction = [prod(c[i] for c in numbers("COLORCORR", 3)) for i in range(3)]
-    scale = 1 / (exposure * np.array(correction))
+    if any(name == "PIXASPECT" and value not in ("1", "1.0", "1.000000") for name, value in pairs):
+        notes.append("PIXASPECT is ignored: a projection knows the shape of its pixels")
+    exposure = prod(e for (e,) in stated["EXPOSURE"])
+    scale = 1 / (exposure * np.array([prod(c[i] for c in stated["COLORCORR"]) for i in range(3)]))
     if not (np.isfinite(scale).all() and (scale > 1e-30).all() and (scale < 1e30).all()):
         raise damaged(path, KIND, f"EXPOSURE and COLORCORR multiply to {exposure:g}")
-    return scale.astype(np.float32)
+    return scale.astype(np.float32), list(dict.fromkeys(notes))
 
 
-def _planes(path: Path, height: int, width: int) -> np.ndarray:
-    """Scanlines in the new run-length coding."""
-    source = oiio.ImageInput.open(str(path))
-    try:
-        pixels = source.read_image(oiio.FLOAT) if source else None
-        if pixels is None:
-            raise damaged(path, KIND, last_error(source.geterror if source else oiio.geterror))
-    finally:
-        if source:
-            source.close()
-    if pixels.shape != (height, width, 3):
-        raise damaged(
-            path, KIND, f"its header claims {width}x{height} pixels, {pixels.shape[1]}x{pixels.shape[0]} came"
-        )
-    return pixels
-
-
-def _records(path: Path, data: bytes, start: int, n_pixels: int) -> np.ndarray:
-    """(N, 3) of pixels that are flat or in the old run-length coding.
-
-    A record 1, 1, 1, n is no normalised pixel: it repeats the pixel before it n times, n 256^k times as the k-th
-    such record in a row. A file with exactly a record a pixel has no runs.
-    """
-    n_records = min((len(data) - start) // 4, n_pixels)  # a run of none, 1, 1, 1, 0, does not come in a sound file
-    records = np.frombuffer(data, np.uint8, n_records * 4, start).reshape(-1, 4)
-    is_run = (records[:, :3] == 1).all(1) & (len(data) - start != 4 * n_pixels)
-    if is_run[:1].any():
-        raise damaged(path, KIND, "it begins with a repetition of nothing")
-    index = np.arange(n_records)
-    pixel = np.maximum.accumulate(np.where(is_run, 0, index))  # that the record is, or repeats
-    # A run of 2^32 pixels is too long already: the bound keeps the shift within 64 bits.
-    k = np.clip(index - pixel - 1, 0, 4)
-    ends = np.cumsum(np.where(is_run, records[:, 3].astype(np.int64) << (8 * k), 1))
-    n_used = int(np.searchsorted(ends, n_pixels)) + 1
-    if n_used > n_records or ends[n_used - 1] != n_pixels:
-        have = ends[-1] if n_records else 0
-        raise damaged(path, KIND, f"its runs make {have} pixels, its header claims {n_pixels}")
-    rgbe = records[np.repeat(pixel[:n_used], np.diff(ends[:n_used], prepend=0))]
-    scale = np.ldexp(np.float32(1), rgbe[:, 3:].astype(np.int32) - 136)
-    return np.where(rgbe[:, 3:] > 0, rgbe[:, :3] * scale, 0).astype(np.float32)
+def _primaries(path: Path, pairs: list[tuple[str, str]]) -> tuple[tuple[float, float], ...]:
+    """CIE xy of red, green, blue and white of what is stored."""
+    for name, value in pairs:
+        if name == "FORMAT" and value == "32-bit_rle_xyze":
+            return _XYZ
+        if name == "FORMAT" and value != "32-bit_rle_rgbe":
+            raise InputError(f"{path}: FORMAT must be 32-bit_rle_rgbe or 32-bit_rle_xyze, is {value[:40]}")
+    stated = [numbers for numbers in _numbers(path, pairs, "PRIMARIES", 8) if any(numbers)]
+    if not stated:
+        return REC_709
+    rounded = [round(n, 4) for n in stated[-1]]
+    for known in (REC_709, _RADIANCE):
+        if np.allclose(stated[-1], np.ravel(known), rtol=0, atol=5e-4):
+            return known
+    return tuple(zip(rounded[::2], rounded[1::2], strict=True))

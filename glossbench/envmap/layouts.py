@@ -32,9 +32,8 @@ class Layout(NamedTuple):
     margin: Callable[[Tensor], Tensor]
 
 
-def solid_angles(layout: Layout, height: int) -> Tensor:
+def solid_angles(layout: Layout, height: int, width: int) -> Tensor:
     """Solid angle of the pixels (H, W), up to a factor, by the density at their centres, float64."""
-    width = height * layout.columns // layout.rows
     u, v = ((torch.arange(n, dtype=torch.float64) + 0.5) / n for n in (width, height))
     return layout.direction(*torch.broadcast_tensors(u[None, :], v[:, None]))[1]
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import torch
 from pydantic import Field
 from torch import Tensor
@@ -18,8 +19,9 @@ from glossbench.envmap.covering import Covered, covered
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.facts import LightFacts, facts
-from glossbench.envmap.files import check_radiance, read_file
+from glossbench.envmap.files import read_file
 from glossbench.envmap.projections import Projection, to_cubemap
+from glossbench.envmap.radiance import Invalid, fit_to_be_light
 from glossbench.errors import InputError
 from glossbench.options import Options, Resolution
 from glossbench.registry import Registry
@@ -42,7 +44,7 @@ LIGHTS: Registry[Light] = Registry("light", "glossbench.envmap", "glossbench.lig
 
 @LIGHTS.register("file")
 class FileLight(Light):
-    """Radiance of an image file: .exr, .hdr, .pfm or .dds, or one of 8 bits a channel where `ldr` says so.
+    """Radiance of an image file: .exr, .hdr, .tif, .pfm or .dds, or one of integers where `ldr` says so.
 
     Attributes:
         file: path; a relative one is looked for here, beside the study and below the folder GLOSSBENCH_DATA.
@@ -53,7 +55,9 @@ class FileLight(Light):
         flip_vertical: the image's first row is straight down.
         scale: factor on the radiance.
         layer: of an .exr with several, the layer or part that is the light.
-        ldr: take a .png, .jpg or .tif of 8 bits, decoded from sRGB, for what it is worth.
+        ldr: take a .png, .jpg or .tif of 8 or 16 bits, decoded from sRGB, for what it is worth.
+        invalid: refuse an image with a value that is NaN, infinite, above 1e30 or negative, or clamp: what is too large
+            becomes the largest of the other values, what is negative or NaN becomes 0, and a note says how many.
     """
 
     file: str
@@ -64,14 +68,16 @@ class FileLight(Light):
     scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     layer: str | None = None
     ldr: bool = False
+    invalid: Invalid = "refuse"
 
     @cached_property
     def _decoded(self) -> Decoded:
         """The content of the file, of which all below is made."""
         path = locate(self.file)
         decoded = read_file(path, self.layer, self.ldr)
-        check_radiance(path, decoded.image)
-        return decoded
+        if self.scale != 1:
+            decoded.image[...] *= np.float32(self.scale)
+        return decoded._replace(notes=decoded.notes + fit_to_be_light(path, decoded.image, self.invalid))
 
     @cached_property
     def _covered(self) -> Covered:
@@ -80,7 +86,7 @@ class FileLight(Light):
 
     def image(self) -> Tensor:
         """The file's radiance (H, W, 3) as stored, times `scale`."""
-        return torch.from_numpy(self._decoded.image) * self.scale
+        return torch.from_numpy(self._decoded.image)
 
     def cubemap(self) -> CubeMap:
         """The file's radiance as a cube map, its energy kept."""

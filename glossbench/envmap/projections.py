@@ -55,6 +55,7 @@ _UNFOLDED = {
     "horizontal_cross": ((1, 2), (1, 0), (0, 1), (2, 1), (1, 3), (1, 1)),
     "strip": ((0, 0), (0, 1), (0, 2), (0, 3), (0, 5), (0, 4)),
 }
+_NEAR = 0.1  # of width / height to 2, where an image is still taken for latitude and longitude
 # Columns and rows for each texel along the edge of a cube map.
 _SIZE = {"vertical_cross": (3, 4), "horizontal_cross": (4, 3), "strip": (6, 1), "openexr_cube": (1, 6)} | {
     name: (layout.columns, layout.rows) for name, layout in LAYOUTS.items()
@@ -62,12 +63,19 @@ _SIZE = {"vertical_cross": (3, 4), "horizontal_cross": (4, 3), "strip": (6, 1), 
 
 
 def guess_projection(height: int, width: int) -> Projection:
-    """The first projection whose shape is height x width; InputError if there is none."""
+    """The first projection whose shape is height x width, lat_long within 5 % of it; InputError if there is none."""
     for projection in get_args(Projection):
         if fits(projection, height, width):
             return projection
     shapes = ", ".join(f"{_shape(name)} {name}" for name in get_args(Projection)[:5])
     raise InputError(f"no known projection is {width} x {height} (width x height); known: {shapes}")
+
+
+def unusual_shape(projection: str, height: int, width: int) -> tuple[str, ...]:
+    """A note where an image of latitude and longitude is not twice as wide as high."""
+    if projection != "lat_long" or width == 2 * height:
+        return ()
+    return (f"taken as lat_long, though {width} x {height} pixels are not 2 : 1",)
 
 
 def to_cubemap(
@@ -81,9 +89,9 @@ def to_cubemap(
     """The cube map of an image (H, W, 3) of the whole sphere; its energy is kept.
 
     texel = integral of L dw over the texel / its solid angle, L bilinear between the pixels. Pixels smaller
-    than half a texel are first averaged by 2 x 2, weighted by solid angle. A cross or strip whose faces are the asked
-    resolution times a power of two is never interpolated: its texels are such averages, or copies. In a
-    lat-long image the pixels near a pole, narrower than high, are first averaged along their row.
+    than half a texel are first averaged by 2 x 2, of odd sizes by a little more, weighted by solid angle. A cross or
+    strip whose faces are the asked resolution times a power of two is never interpolated: its texels are such averages,
+    or copies. In a lat-long image the pixels near a pole, narrower than high, are first averaged along their row.
 
     Args:
         projection: by default guessed from the shape.
@@ -94,19 +102,19 @@ def to_cubemap(
         axes: whose axis convention the image follows (see `axes`).
 
     Raises:
-        InputError: no known projection, a shape that does not fit it, axes that say nothing of it, or a resolution
-            not a power of two.
+        InputError: no known projection, a shape that does not fit it (lat_long takes any), axes that say nothing of
+            it, or a resolution not a power of two.
     """
     if image.dim() != 3 or image.shape[2] != 3:
         raise InputError(f"a light needs an image (H, W, 3), got {tuple(image.shape)}")
     height, width = image.shape[:2]
     projection = projection or guess_projection(height, width)
     _check_projection(projection)
-    if not fits(projection, height, width):
+    if projection != "lat_long" and not fits(projection, height, width):  # whose angles fill any shape
         raise InputError(f"{projection} must have width : height = {_shape(projection)}, got {width} x {height}")
     matrix = permutation(axes, projection)
     columns, rows = _SIZE[projection]
-    resolved = max(height, width) / max(columns, rows)
+    resolved = max(max(height, width) / max(columns, rows), min(height, width) / min(columns, rows))
     if resolution is None:
         resolution = max(2, 2 ** round(log2(resolved)))
     _check_resolution(resolution)
@@ -118,9 +126,8 @@ def to_cubemap(
         faces = resized(to_faces(*edge_source(image), resolved, finest), resolution)
     else:
         layout = LAYOUTS[projection]
-        while resolved > 2 * resolution and height % 2 == 0:
-            image = halved(image[None], solid_angles(layout, height))[0]
-            height, resolved = height // 2, resolved / 2
+        while resolved > 2 * resolution:
+            image, resolved = halved(image[None], solid_angles(layout, *image.shape[:2]))[0], resolved / 2
         faces = to_faces(*layout_source(image, layout), resolved, resolution)
     return CubeMap(turned(faces, matrix), key)
 
@@ -160,9 +167,11 @@ def _shape(projection: str) -> str:
 
 
 def fits(projection: str, height: int, width: int) -> bool:
-    """Whether it is a projection, and an image of this shape can have it."""
+    """Whether it is a projection, and an image of this shape is taken for it: lat_long within 5 % of 2 : 1."""
     if projection not in _SIZE:
         return False
+    if projection == "lat_long":
+        return height > 0 and abs(width - 2 * height) <= _NEAR * height
     columns, rows = (n // gcd(*_SIZE[projection]) for n in _SIZE[projection])
     if projection == "strip" and height > width:
         height, width = width, height

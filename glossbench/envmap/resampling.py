@@ -96,18 +96,41 @@ def resized(faces: Tensor, resolution: int) -> Tensor:
     """Faces at another resolution: texels averaged by 2 x 2 as often as that fits, else also interpolated."""
     size = faces.shape[1]
     exact = size % resolution == 0 and (size // resolution).bit_count() == 1
-    while size > (resolution if exact else 2 * resolution) and size % 2 == 0:
+    while size > (resolution if exact else 2 * resolution):
         faces, size = halved(faces, texel_solid_angles(size)), size // 2
     return faces.contiguous() if exact else to_faces(*cube_source(faces), size, resolution)
 
 
 def halved(images: Tensor, weight: Tensor) -> Tensor:
-    """Means (N, H / 2, W / 2, 3) over 2 x 2 pixels of images (N, H, W, 3) by weight (H, W)."""
+    """Means (N, H // 2, W // 2, 3) over 2 x 2 pixels of images (N, H, W, 3) by weight (H, W).
+
+    Of an odd H over bins of H / (H // 2) pixels, so much of each as lies in the bin; where W is a multiple of H, as of
+    two discs side by side, it stays that multiple.
+    """
     n, height, width, _ = images.shape
     w = weight.float()[None, :, :, None]
+    if height % 2 or width % 2:
+        rows = height // 2
+        columns = width // 2 if width % height else rows * (width // height)
+        total, weights = (_binned(_binned(x, rows, 1), columns, 2) for x in (images * w, w))
+        return total / weights.clamp(min=1e-30)
     blocks = (n, height // 2, 2, width // 2, 2, -1)
     total = (images * w).reshape(blocks).sum((2, 4))
     return total / w.reshape(1, *blocks[1:]).sum((2, 4)).clamp(min=1e-30)
+
+
+def _binned(x: Tensor, n_bins: int, dim: int) -> Tensor:
+    """Sums over equal bins along a dimension, each of two neighbours or three, those on its edges in part."""
+    size = x.shape[dim] / n_bins
+    shape = [-1 if d == dim else 1 for d in range(x.dim())]
+    start = torch.arange(n_bins, dtype=torch.float64) * size
+    total = torch.zeros(())
+    for k in range(int(size) + 2):
+        pixel = start.floor() + k
+        share = (torch.minimum(start + size, pixel + 1) - torch.maximum(start, pixel)).clamp(min=0)
+        of = x.index_select(dim, pixel.long().clamp(max=x.shape[dim] - 1))
+        total = total + of * share.float().view(shape)
+    return total
 
 
 def bilinear(images: Tensor, column: Tensor, row: Tensor) -> Tensor:
