@@ -78,6 +78,7 @@ def run(
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
+    from glossbench.plugins import origin
     from glossbench.runner import Progress, run_study
     from glossbench.study import load_study
 
@@ -89,6 +90,8 @@ def run(
     if light is not None and output is None:
         output = Path("results") / f"{loaded.name}_{Path(light).stem}"
     folder = output or Path("results") / loaded.name
+    for plugin in loaded.plugins:
+        err.print(f"plugin {plugin}: {origin(plugin)}", markup=False, highlight=False, soft_wrap=True)
     if dry_run:
         for cell in loaded.cells():
             items = (cell.light, cell.material, cell.view, cell.method)

@@ -4,14 +4,18 @@ import hashlib
 import os
 import platform
 import sys
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from uuid import uuid4
 
 import torch
+
+from glossbench.import_closure import hash_of, local_files
 
 version = cache(metadata.version)  # which reads a file
 
@@ -38,22 +42,23 @@ def numerics_hash() -> str:
 
 
 def source_hash(cls: type) -> str:
-    """SHA-256 of the source of a class and its bases; of a plug-in's, of all modules of its package.
+    """SHA-256 of the source of a class and its bases; of a plug-in's, of its package and of all that it imports.
 
-    A class without a file, as of a notebook, hashes to something new each time: its cells are never taken for others.
+    What it imports counts where it is not installed: see `local_files`. A class without a file, as of a notebook,
+    hashes to something new each time: its cells are never taken for others.
     """
     digest = hashlib.sha256()
     for base in cls.__mro__:
         if base.__module__ == "builtins":
             continue
-        file = getattr(sys.modules[base.__module__], "__file__", None)
-        if file is None:
+        file = getattr(sys.modules.get(base.__module__), "__file__", None)
+        if file is None or not Path(file).is_file():
             return f"no source {uuid4().hex}"
-        package, _, inside = base.__module__.partition(".")
-        root = Path(file).parents[base.__module__.count(".") - 1] if inside else Path(file)
-        own = package == "glossbench" or not root.is_dir()
-        for path in [Path(file)] if own else sorted(root.rglob("*.py")):
-            digest.update(path.read_bytes())
+        package = base.__module__.partition(".")[0]
+        if package == "glossbench" or package in sys.stdlib_module_names:
+            digest.update(Path(file).read_bytes())
+            continue
+        digest.update(hash_of(local_files(base.__module__, Path(file))).encode())
     return digest.hexdigest()
 
 
@@ -99,8 +104,8 @@ def processor() -> str:
         return platform.processor() or platform.machine()
 
 
-def provenance(device: str, started: datetime) -> dict[str, Any]:
-    """Where results come from."""
+def provenance(device: str, started: datetime, plugins: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
+    """Where results come from; of plug-ins, the file of each."""
     return {
         **system_information(),
         "device": device,
@@ -108,4 +113,5 @@ def provenance(device: str, started: datetime) -> dict[str, Any]:
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": " ".join(["glossbench", *sys.argv[1:]]) if Path(sys.argv[0]).name == "glossbench" else "Python",
         "source_hash": numerics_hash(),
+        **({"plugins": dict(plugins)} if plugins else {}),
     }

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from glossbench.ground_truth import Reference, compute_reference
 from glossbench.items import Cell, Item
 from glossbench.measuring import measure
 from glossbench.metrics import METRICS
+from glossbench.plugins import origin
 from glossbench.provenance import glossbench_version, numerics_hash, processor, provenance, source_hash
 from glossbench.registry import Registry
 from glossbench.results import Results, key_of
@@ -94,7 +95,10 @@ def run_study(
         rows.append(row)
         progress.cell(row)
     results.finish(
-        study.resolved(), judge(study.claims, pandas.DataFrame(rows)), rows, provenance(study.device, started)
+        study.resolved(),
+        judge(study.claims, pandas.DataFrame(rows)),
+        rows,
+        provenance(study.device, started, {name: origin(name) for name in study.plugins}),
     )
     return results
 
@@ -149,6 +153,7 @@ class _Executor:
         self.study, self.results, self.lights, self.progress = study, results, lights, progress
         self.use_cache, self.fail_fast = use_cache, fail_fast
         self._code = numerics_hash()
+        self._source: Callable[[Any], str] = cache(source_hash)  # once a run: files may change meanwhile
         self._fresh: set[str] = set()  # keys of references made by this run
         self._stages = StageCache(self.progress.doing)
         self._stages_light: Item | None = None
@@ -156,13 +161,13 @@ class _Executor:
 
     def run(self, cell: Cell, rerun_failed: bool) -> dict[str, Any]:
         """The row of a cell: read from disk, or made and written."""
-        light = [self.lights.key(cell.light), source_hash(LIGHTS.get(cell.light.name))]
+        light = [self.lights.key(cell.light), self._source(LIGHTS.get(cell.light.name))]
         reference_key = key_of(
-            [self._code, light, _stated(MATERIALS, cell.material), _stated(VIEWS, cell.view),
+            [self._code, light, self._stated(MATERIALS, cell.material), self._stated(VIEWS, cell.view),
              self.study.reference.model_dump(), self.study.device]
         )  # fmt: skip
-        metrics = [[name, source_hash(METRICS.get(name))] for name in self.study.metrics]
-        key = key_of([reference_key, _stated(METHODS, cell.method), metrics])
+        metrics = [[name, self._source(METRICS.get(name))] for name in self.study.metrics]
+        key = key_of([reference_key, self._stated(METHODS, cell.method), metrics])
         row = self._identity(cell, key, reference_key)
         if self.use_cache and self.results.has_cell(key):
             stored = self.results.cell(key)
@@ -185,6 +190,11 @@ class _Executor:
             image, half_vectors = None, None
         self.results.add_cell(row, image, half_vectors)
         return row
+
+    def _stated(self, registry: Registry[Any], item: Item) -> list[Any]:
+        """All that makes an item what it is: name, options as stated and what they mean, and its class's source."""
+        meaning = registry.create(item.name, item.options).key()
+        return [item.name, item.spelled(), meaning, self._source(registry.get(item.name))]
 
     def _give_up(self, row: dict[str, Any], thread: int) -> None:
         """Write the row of a cell that cannot be interrupted, with where it is, before the process ends."""
@@ -290,9 +300,3 @@ def _failed(reason: str) -> dict[str, Any]:
 
 def _digest(light: CubeMap) -> int:
     return zlib.crc32(light.faces.cpu().numpy().data)
-
-
-def _stated(registry: Registry[Any], item: Item) -> list[Any]:
-    """All that makes an item what it is: name, options as stated and what they mean, and the source of its class."""
-    meaning = registry.create(item.name, item.options).key()
-    return [item.name, item.spelled(), meaning, source_hash(registry.get(item.name))]

@@ -134,7 +134,8 @@ def load_study(name_or_path: str | Path, light: str | None = None) -> Study:
         try:
             import_plugin(plugin, path.absolute().parent)
         except (Exception, SystemExit) as error:  # a plug-in is anyone's code
-            text = f"plugin {plugin!r}: {type(error).__name__}: {error}"
+            kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+            text = f"plugin {plugin!r}: {kind}{error}"
             raise document.error(("plugins", i), text) from error
     if light is not None:
         if isinstance(light_named(light, {}), FileLight):

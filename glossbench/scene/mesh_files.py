@@ -1,19 +1,26 @@
 """Meshes by name: an embedded shape, one of the catalogue, or a file."""
 
 import hashlib
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from glossbench.catalog import entries, fetch
+from glossbench.envmap.lights import locate
 from glossbench.errors import InputError, nearest
+from glossbench.file_bytes import digest, require_size
+from glossbench.scene.gltf import buffer_files, read_gltf
 from glossbench.scene.mesh import Mesh, make_mesh
+from glossbench.scene.obj import read_obj
+from glossbench.scene.ply import read_ply
+from glossbench.scene.polygons import Surface
 from glossbench.scene.shapes import SHAPES
+from glossbench.scene.stl import read_stl
 
-FORMATS = (".obj", ".ply", ".glb", ".gltf", ".stl")
+READERS: dict[str, Callable[[Path], Surface]] = {
+    ".obj": read_obj, ".ply": read_ply, ".glb": read_gltf, ".gltf": read_gltf, ".stl": read_stl,
+}  # fmt: skip
+MAX_BYTES = 1 << 30  # as text, more than the most faces that a mesh may have
 
 
 def mesh_named(name: str) -> Mesh:
@@ -41,35 +48,15 @@ def load_mesh(path: Path | str) -> Mesh:
     Raises:
         InputError: an unknown format, a file that cannot be read, or a mesh that cannot be repaired.
     """
-    import trimesh  # takes a third of a second, which shapes need not wait for
-
     path = Path(path)
-    if path.suffix.lower() not in FORMATS:
-        raise InputError(f"{path}: a mesh must be one of {', '.join(FORMATS)}")
+    if path.suffix.lower() not in READERS:
+        raise InputError(f"{path}: a mesh must be one of {', '.join(READERS)}")
     try:
-        scene: Any = trimesh.load_scene(path, process=False)
-        placed = [(scene.geometry[scene.graph[node][1]], scene.graph[node][0]) for node in scene.graph.nodes_geometry]
-        parts = [_placed(part, matrix) for part, matrix in placed if isinstance(part, trimesh.Trimesh)]
+        require_size(path, "mesh", MAX_BYTES)
+        surface = READERS[path.suffix.lower()](path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except Exception as error:  # a broken file breaks its reader in many ways
-        first = (str(error).splitlines() or [""])[0]
-        raise InputError(f"{path}: not a mesh that can be read: {type(error).__name__}: {first}") from error
-    if not parts:
-        raise InputError(f"{path} has no faces")
-    starts = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
-    faces = np.concatenate([f + start for (_, f, _), start in zip(parts, starts, strict=False)])
-    normals = [n for _, _, n in parts if n is not None]
-    stated = np.concatenate(normals) if len(normals) == len(parts) else None
-    return make_mesh(np.concatenate([v for v, _, _ in parts]), faces, stated, name=str(path))
-
-
-def _placed(part: Any, matrix: NDArray[np.float64]) -> tuple[Any, Any, Any]:
-    """Vertices and faces of a part in its scene, and normals where the file states some."""
-    turned = matrix[:3, :3]
-    # Asked for, trimesh makes normals; those of the file it keeps in its cache from the beginning.
-    stated = part.vertex_normals @ np.linalg.inv(turned) if "vertex_normals" in part._cache else None
-    return part.vertices @ turned.T + matrix[:3, 3], part.faces, stated
+    return make_mesh(surface.vertices, surface.faces, surface.normals, name=str(path))
 
 
 # Kept, because each cell of a study asks for its mesh anew, and rays need a second to be ready for a large one.
@@ -91,10 +78,19 @@ def _path_of(name: str) -> Path:
         return fetch(name)
     if not Path(name).suffix:
         raise InputError(f"unknown mesh {name!r}{nearest(name, [*SHAPES, *known])}")
-    if not Path(name).is_file():
-        raise InputError(f"no mesh file {name!r}: not in {Path.cwd()}")
-    return Path(name)
+    return locate(name, what="mesh file")
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """SHA-256 of a file, and of the buffers that a glTF file names."""
+    own = digest(path, "mesh", MAX_BYTES)
+    if READERS.get(path.suffix.lower()) is not read_gltf:
+        return own
+    buffers = [file for file in _buffers(path, own) if file.is_file()]
+    every = [own, *(digest(file, "mesh", MAX_BYTES) for file in buffers)]
+    return hashlib.sha256(" ".join(every).encode()).hexdigest()
+
+
+@lru_cache(maxsize=4)
+def _buffers(path: Path, digest: str) -> list[Path]:
+    return buffer_files(path)

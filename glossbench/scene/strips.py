@@ -1,0 +1,36 @@
+"""Strips and fans: triangles that share their edges, as files of meshes and graphics libraries have them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+
+
+def strip_triangles(values: Ints, counts: Ints) -> Ints:
+    """Triangles (T, 3) of strips (their lengths `counts`), -1 ends one; all run around as the first of their strip.
+
+    Triangle i is i, i + 1, i + 2, every second one turned over. Where it has a vertex twice it is a seam between
+    strips, and left out.
+    """
+    ends = np.cumsum(counts)
+    strip = np.searchsorted(ends, np.arange(len(values)), side="right")  # of each value, the number of its strip
+    breaks = np.cumsum(values < 0)
+    strip = strip + breaks
+    first = np.maximum.accumulate(np.where(np.diff(strip, prepend=-1) != 0, np.arange(len(values)), 0))
+    first = first + (values[first] < 0)
+    i = np.arange(max(len(values) - 2, 0))
+    i = i[(strip[i] == strip[i + 2]) & (values[i] >= 0)]
+    faces = np.stack([values[i], values[i + 1], values[i + 2]], axis=1)
+    turned = (i - first[i]) % 2 == 1
+    faces[turned] = faces[turned][:, [1, 0, 2]]
+    return _without_seams(faces)
+
+
+def fan_triangles(values: Ints) -> Ints:
+    """Triangles (T, 3) of one fan: its first vertex with each edge of the others."""
+    faces = np.stack([np.full(max(len(values) - 2, 0), values[0]), values[1:-1], values[2:]], axis=1)
+    return _without_seams(faces)
+
+
+def _without_seams(faces: Ints) -> Ints:
+    return faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
