@@ -108,6 +108,9 @@ def run(
                 begin=lambda n: show(total=n),
                 doing=lambda text: show(description=text),
                 cell=lambda row: show(advance=1),
+                note=lambda text: err.print(
+                    f"note: {text}", style="yellow", markup=False, highlight=False, soft_wrap=True
+                ),
             )
             results = run_study(
                 loaded, folder, use_cache=not no_cache, rerun_failed=rerun_failed, fail_fast=fail_fast,

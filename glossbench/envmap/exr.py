@@ -10,7 +10,7 @@ from torch import Tensor
 
 from glossbench.atomic import replacing
 from glossbench.envmap.refusals import check_size, damaged, last_error
-from glossbench.errors import InputError, nearest
+from glossbench.errors import CannotWrite, InputError, nearest
 
 KIND = "an OpenEXR image"
 
@@ -61,7 +61,8 @@ def write_exr(path: str | Path, image: Tensor, channels: Sequence[str] = ("R", "
             part.touch()
             OpenEXR.File(header, content).write(str(part))
     except RuntimeError as error:
-        raise InputError(f"{path}: cannot be written: {' '.join(str(error).split())}") from None
+        reason = " ".join(str(error).replace(str(part), path.name).split())
+        raise CannotWrite(path, reason) from None
 
 
 def _parts(path: Path, source: oiio.ImageInput) -> list[oiio.ImageSpec]:
