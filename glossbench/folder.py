@@ -1,8 +1,9 @@
 """A folder that this program writes results to: what is in it may be damaged, or come from a stranger."""
 
 import os
+import re
 import stat
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import file_digest
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import pandas
 
 from glossbench.atomic import remove_abandoned, replacing
-from glossbench.errors import InputError
+from glossbench.errors import CannotWrite, InputError
 from glossbench.manifest import NAME, Manifest
 from glossbench.strict_json import sealed, unsealed
 
@@ -61,8 +62,23 @@ class Folder:
         """State that files will be this program's, before they are written; InputError for one of somebody else."""
         manifest = self.manifest
         manifest.check_foreign(self.root, names)
+        if not os.access(self.root, os.W_OK | os.X_OK):
+            raise CannotWrite(self.root / names[0], "the folder may only be read")
         if not set(names) <= set(manifest.files):
             replace(manifest, files={**manifest.files, **dict.fromkeys(names)}).write(self.root)
+
+    def keep_only(self, ending: str, folder: str, names: Collection[str]) -> None:
+        """State what was written into a sub-folder; remove what this program wrote there earlier, with that ending."""
+        manifest = self.manifest
+        written = [f"{folder}/{name}" for name in names]
+        old = [n for n in manifest.files if n not in written and re.fullmatch(rf"{folder}/\w+{re.escape(ending)}", n)]
+        for name in old:
+            self.path(name).unlink(missing_ok=True)
+        if old or not set(written) <= set(manifest.files):
+            files = {name: sha256 for name, sha256 in manifest.files.items() if name not in old}
+            replace(manifest, files={**files, **dict.fromkeys(written)}).write(self.root)
+        if old and not any(self.path(folder).iterdir()):
+            self.path(folder).rmdir()
 
     def write(self, name: str, text: str) -> None:
         """Write a text under a name, whole or not at all."""

@@ -37,6 +37,8 @@ from glossbench.strict_json import dumps, numbers
 from glossbench.verdicts import judge
 from glossbench.yaml_marks import dump, read_document
 
+AGAIN = "; the same `glossbench run` makes it again"
+
 
 def key_of(parts: Any) -> str:
     """A key for the disk: the first 80 bits of the SHA-256 of some JSON data."""
@@ -194,9 +196,11 @@ class Results:
         manifest = self.disk.manifest
         cells = self.disk.table("cells.parquet") if manifest.is_finished else None
         if cells is None and not manifest.cells:
-            raise InputError(f"{self.folder}/cells.parquet is damaged; the same `glossbench run` makes it again")
+            raise InputError(f"{self.folder}/cells.parquet is damaged{AGAIN}")
         if cells is None:
             cells = pandas.DataFrame([row for row in map(self._row, manifest.cells) if row is not None])
+        if cells.empty:
+            raise InputError(f"{self.folder}: none of {len(manifest.cells)} cells is done yet")
         damage: dict[str, str] = {}
         for i, row in enumerate(cells.to_dict("records")):
             if row["status"] == "done":
@@ -204,8 +208,7 @@ class Results:
                 if reference not in damage:
                     damage[reference] = self.damage_of_reference(reference)
                 if found := self.damage_of_cell(row["key"]) or damage[reference]:
-                    reason = f"{found}; the same `glossbench run` makes it again"
-                    cells.loc[i, ["status", "reason"]] = ["failed", reason]
+                    cells.loc[i, ["status", "reason"]] = ["failed", found + AGAIN]
         return cells
 
     @property
@@ -225,14 +228,19 @@ class Results:
             loaded = json.loads(self.disk.path("provenance.json").read_bytes())
         return loaded
 
-    @property
-    def remarks(self) -> list[str]:
-        """What of the folder is not as a finished run leaves it, a line each."""
-        cells = self.disk.manifest.cells
-        n_done = sum(self.has_cell(cell["key"]) for cell in cells)
-        found = [f"{n_done} of {len(cells)} cells are done, and the claims are judged on these"]
-        altered = [f"{self.disk.fault(name)}" for name in SUMMARY if self.disk.is_altered(name)]
-        return (found if n_done < len(cells) else []) + altered
+    def remarks(self, cells: pandas.DataFrame) -> list[str]:
+        """What of the folder is not as a finished run leaves it, a line each.
+
+        Args:
+            cells: of these results.
+        """
+        of = self.disk.manifest.cells
+        found = [f"{len(cells)} of {len(of)} cells are done: the claims are judged on these"]
+        damaged = [reason.removesuffix(AGAIN) for reason in cells["reason"] if reason.endswith(AGAIN)]
+        more = f", and {len(damaged) - 1} more cells have damaged files" if len(damaged) > 1 else ""
+        altered = [self.disk.fault(name) for name in SUMMARY if self.disk.is_altered(name)]
+        lines = [f"{first}{more}{AGAIN}" for first in damaged[:1]] + [f"{line}{AGAIN}" for line in altered]
+        return (found if len(cells) < len(of) else []) + lines
 
     def image(self, key: str) -> NDArray[np.float32]:
         """Radiance (H, W, 3) of a cell."""
