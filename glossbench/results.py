@@ -236,7 +236,7 @@ class Results:
         """
         of = self.disk.manifest.cells
         found = [f"{len(cells)} of {len(of)} cells are done: the claims are judged on these"]
-        damaged = [reason.removesuffix(AGAIN) for reason in cells["reason"] if reason.endswith(AGAIN)]
+        damaged = [reason.removesuffix(AGAIN) for reason in map(str, cells["reason"]) if reason.endswith(AGAIN)]
         more = f", and {len(damaged) - 1} more cells have damaged files" if len(damaged) > 1 else ""
         altered = [self.disk.fault(name) for name in SUMMARY if self.disk.is_altered(name)]
         lines = [f"{first}{more}{AGAIN}" for first in damaged[:1]] + [f"{line}{AGAIN}" for line in altered]
