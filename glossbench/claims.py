@@ -113,6 +113,11 @@ Claim = LowerClaim | SlopeClaim | RatioClaim | ValueClaim
 KINDS: dict[str, type[Claim]] = {c.kind: c for c in (LowerClaim, SlopeClaim, RatioClaim, ValueClaim)}
 
 
+def stated_claims(study: Mapping[str, Any]) -> list[Claim]:
+    """The claims of a resolved study."""
+    return [KINDS[kind].model_validate(claim) for claim in study["claims"] for kind in KINDS if kind in claim]
+
+
 def sides_of(claim: Claim) -> dict[tuple[str | int, ...], Side]:
     """The sides that a claim compares, or its one method, by the path of the key that states them."""
     match claim:

@@ -2,9 +2,10 @@
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from importlib.metadata import entry_points, version
 from pathlib import Path
+from traceback import extract_tb
 from typing import Annotated, Any
 
 import typer
@@ -16,7 +17,7 @@ from glossbench.commands.figure import figure
 from glossbench.commands.info import info
 from glossbench.commands.light import light as describe_light
 from glossbench.errors import InputError
-from glossbench.printing import Pulse, err, out, print_notes, print_table, print_verdicts, say, warn_of_noise
+from glossbench.printing import Pulse, err, note, out, print_notes, print_table, print_verdicts, say, warn_of_noise
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -111,13 +112,14 @@ def run(
                 begin=lambda n: show(total=n),
                 doing=lambda text: show(description=text),
                 cell=lambda row: show(advance=1),
+                note=note,
             )
             results = run_study(
                 loaded, folder, use_cache=not no_cache, rerun_failed=rerun_failed, fail_fast=fail_fast,
                 progress=progress,
             )  # fmt: skip
             show(description="reports")
-            pages = [write(results.folder) for write in _report_writers().values()]
+            pages, report_code = _write_reports(results.folder)
     except KeyboardInterrupt:
         err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
         raise typer.Exit(130) from None
@@ -133,6 +135,7 @@ def run(
             f"{_counted(failed, 'cell')} failed: tracebacks are in the report, --rerun-failed tries again",
             style="red",
         )
+    if failed or report_code:
         raise typer.Exit(1)
 
 
@@ -147,9 +150,13 @@ def report(
 
     opened = Results.open(results)
     only = {name for name, wanted in (("html", html), ("pdf", pdf)) if wanted}
-    for name, write in _report_writers().items():
-        if not only or name in only:
-            say(f"report: {write(opened.folder)}")
+    for remark in opened.remarks(opened.cells):
+        note(remark)
+    pages, code = _write_reports(opened.folder, only)
+    for page in pages:
+        say(f"report: {page}")
+    if code:
+        raise typer.Exit(code)
 
 
 @app.command()
@@ -224,6 +231,27 @@ def sys_info() -> None:
 
 def _counted(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def _write_reports(folder: Path, only: Collection[str] = ()) -> tuple[list[Path], int]:
+    """Writes the reports, or those asked for; a line for one that fails, then the others. Second, the exit code."""
+    written, code = list[Path](), 0
+    for name, write in _report_writers().items():
+        if not only or name in only:
+            try:
+                written.append(write(folder))
+            except Exception as error:  # a report may be a plug-in's
+                at = "" if isinstance(error, InputError) else f"{type(error).__name__}, {_where(error)}: "
+                text = " ".join(f"error: the {name} report was not written: {at}{error}".split())
+                err.print(text, style="red", markup=False, highlight=False, soft_wrap=True)
+                code = 2 if isinstance(error, InputError) else 1
+    return written, code
+
+
+def _where(error: Exception) -> str:
+    """The line of code that raised it."""
+    last = extract_tb(error.__traceback__)[-1]
+    return f"{Path(last.filename).name}:{last.lineno}"
 
 
 def _report_writers() -> dict[str, Callable[[Path], Path]]:

@@ -2,17 +2,21 @@
 
 import hashlib
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import requests
 from filelock import FileLock
+from urllib3.exceptions import HTTPError
 
 from glossbench.catalog import DATA_VARIABLE
 from glossbench.errors import InputError
 
 TIMEOUT = (10.0, 30.0)  # seconds: to connect, and without a byte
+SLOWEST = 1000.0  # bytes per second, on average over PATIENCE, or a server is given up
+PATIENCE = 60.0  # seconds
 BLOCK = 1 << 12  # bytes; one that a broken connection cuts is lost
 
 
@@ -74,13 +78,23 @@ def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -
             have = 0
         with part.open("ab" if have else "wb") as file:
             progress(have)
+            since, before = time.monotonic(), have
             try:
-                for block in answer.iter_content(BLOCK):
+                while block := answer.raw.read1(
+                    BLOCK, decode_content=True
+                ):  # what is there, and does not wait for a whole block
                     have += file.write(block)
                     progress(have)
                     if have > size:
                         return  # the hash tells
-            except requests.RequestException:
+                    if (seconds := time.monotonic() - since) >= PATIENCE:
+                        if have - before < SLOWEST * seconds:
+                            raise InputError(
+                                f"{host(url)} is given up: it sent {have - before} bytes in {seconds:.0f} s, and the "
+                                f"file has {size}; the same command goes on from there"
+                            )
+                        since, before = time.monotonic(), have
+            except HTTPError:
                 pass  # what came is kept
     if have < size:
         raise InputError(f"{host(url)} broke off after {have} of {size} bytes; the same command goes on from there")

@@ -2,10 +2,23 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
 
 
 class InputError(ValueError):
     """Anything a user can fix: a study, an option, a file. Its text is one line; the command line exits with 2."""
+
+
+class CannotWrite(InputError):
+    """A file that cannot be written: a full disk, a folder that may only be read.
+
+    Attributes:
+        path: of the file.
+    """
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"{path}: cannot be written: {reason}")
+        self.path = path
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -38,6 +38,11 @@ def say(text: str) -> None:
     out.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
+def note(text: str) -> None:
+    """What is out of the ordinary, in one line on standard error."""
+    err.print(f"note: {text}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+
+
 def print_rows(rows: dict[str, str]) -> None:
     """What something is, a line a fact, and an empty line; facts that are empty are left out."""
     stated = [(fact, line) for fact, value in rows.items() for line in value.splitlines()]
@@ -93,8 +98,8 @@ def print_verdicts(claims: list[dict[str, Any]]) -> None:
 
 def print_notes(cells: "pandas.DataFrame") -> None:
     """What was repaired or fitted, a line each, once."""
-    for note in dict.fromkeys(note for notes in cells["notes"] for note in json.loads(notes)):
-        err.print(f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+    for text in dict.fromkeys(text for notes in cells["notes"] for text in json.loads(notes)):
+        note(text)
 
 
 def warn_of_noise(cells: "pandas.DataFrame") -> None:

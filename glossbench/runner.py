@@ -21,9 +21,10 @@ from glossbench.brdf.material import MATERIALS
 from glossbench.costs import Costs
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights import LIGHTS
-from glossbench.errors import InputError, MethodError
+from glossbench.errors import CannotWrite, InputError, MethodError
 from glossbench.ground_truth import Reference, compute_reference
 from glossbench.items import Cell, Item
+from glossbench.manifest import entry
 from glossbench.measuring import measure
 from glossbench.metrics import METRICS
 from glossbench.plugins import origin
@@ -46,11 +47,13 @@ class Progress:
         begin: the number of cells.
         doing: what is under way, in a few words.
         cell: a cell is done, with its row.
+        note: what is out of the ordinary, a line: a damaged file that is made again, a fuller study that stays.
     """
 
     begin: Callable[[int], None] = lambda n: None
     doing: Callable[[str], None] = lambda text: None
     cell: Callable[[dict[str, Any]], None] = lambda row: None
+    note: Callable[[str], None] = lambda text: None
 
 
 def run_study(
@@ -74,7 +77,8 @@ def run_study(
         fail_fast: raise what a cell raises, instead of keeping its traceback as the cell's result.
 
     Raises:
-        InputError: no such device, a light cannot be read, or the folder cannot be written; then nothing is.
+        InputError: no such device, a light cannot be read, or the folder cannot be written or holds what would be
+            lost; then nothing is written. CannotWrite: a full disk, say; the cells that are done are kept.
     """
     if study.device == "cuda" and not torch.cuda.is_available():
         raise InputError("the study wants device: cuda, but there is none here; say device: cpu")
@@ -85,13 +89,16 @@ def run_study(
     for item in study.lights:  # an image that cannot be read must stop the run before it writes
         lights.get(item)
     results = Results(folder)
-    results.create()
+    _check_own_study(study, results)
     started = datetime.now(UTC)
-    progress.begin(len(cells))
     executor = _Executor(study, results, lights, progress, use_cache, fail_fast)
+    identities = [executor.identity(cell) for cell in cells]
+    if kept := results.begin(study.resolved(), identities, provenance(study.device, started)):
+        progress.note(kept)
+    progress.begin(len(cells))
     rows = []
-    for cell in cells:
-        row = executor.run(cell, rerun_failed)
+    for cell, identity in zip(cells, identities, strict=True):
+        row = executor.run(cell, identity, rerun_failed)
         rows.append(row)
         progress.cell(row)
     results.finish(
@@ -101,6 +108,16 @@ def run_study(
         provenance(study.device, started, {name: origin(name) for name in study.plugins}),
     )
     return results
+
+
+def _check_own_study(study: Study, results: Results) -> None:
+    """InputError where the results would take the place of the study's own file; that of a run may run again."""
+    path = results.folder / "study.yaml"
+    if study.name == "study" and study.folder.resolve() == results.folder.resolve():
+        if "study.yaml" not in results.disk.manifest.files or results.disk.is_altered("study.yaml"):
+            raise InputError(
+                f"{path} is the study itself, which its results would take the place of: name another folder by -o"
+            )
 
 
 class _Lights:
@@ -154,13 +171,13 @@ class _Executor:
         self.use_cache, self.fail_fast = use_cache, fail_fast
         self._code = numerics_hash()
         self._source: Callable[[Any], str] = cache(source_hash)  # once a run: files may change meanwhile
-        self._fresh: set[str] = set()  # keys of references made by this run
+        self._whole: set[str] = set()  # keys of references made or looked at by this run
         self._stages = StageCache(self.progress.doing)
         self._stages_light: Item | None = None
         self._truth: tuple[str, Reference] | None = None
 
-    def run(self, cell: Cell, rerun_failed: bool) -> dict[str, Any]:
-        """The row of a cell: read from disk, or made and written."""
+    def identity(self, cell: Cell) -> dict[str, Any]:
+        """The row of a cell under its keys, with nothing measured yet."""
         light = [self.lights.key(cell.light), self._source(LIGHTS.get(cell.light.name))]
         reference_key = key_of(
             [self._code, light, self._stated(MATERIALS, cell.material), self._stated(VIEWS, cell.view),
@@ -168,18 +185,26 @@ class _Executor:
         )  # fmt: skip
         metrics = [[name, self._source(METRICS.get(name))] for name in self.study.metrics]
         key = key_of([reference_key, self._stated(METHODS, cell.method), metrics])
-        row = self._identity(cell, key, reference_key)
-        if self.use_cache and self.results.has_cell(key):
-            stored = self.results.cell(key)
-            if not (rerun_failed and stored["status"] == "failed"):
-                # The key does not tell what an image file was called, nor a seed that nothing took.
-                return stored | {column: row[column] for column in ("light_options", "seed")}
+        return self._identity(cell, key, reference_key)
+
+    def run(self, cell: Cell, row: dict[str, Any], rerun_failed: bool) -> dict[str, Any]:
+        """The row of a cell: read from disk, or made and written.
+
+        Args:
+            row: its identity.
+        """
+        stored = self._stored(cell, row)
+        if stored is not None and not (rerun_failed and stored["status"] == "failed"):
+            return stored
+        row = dict(row)
         try:
             done, image, half_vectors = self._execute(cell, row)
             row |= done
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plug-in may leave by SystemExit, too
+            if isinstance(error, CannotWrite) and error.path.is_relative_to(self.results.folder):
+                raise  # no fault of the cell's
             self._stages, self._truth = StageCache(self.progress.doing), None
             self.lights.forget()
             if self.fail_fast and isinstance(error, Exception):
@@ -195,6 +220,30 @@ class _Executor:
         """All that makes an item what it is: name, options as stated and what they mean, and its class's source."""
         meaning = registry.create(item.name, item.options).key()
         return [item.name, item.spelled(), meaning, self._source(registry.get(item.name))]
+
+    def _stored(self, cell: Cell, row: dict[str, Any]) -> dict[str, Any] | None:
+        """The row of a cell on disk, where all its files are as they were written; its reference is, or is made so."""
+        key = row["key"]
+        if not (self.use_cache and self.results.has_cell(key)):
+            return None
+        if damage := self.results.damage_of_cell(key):
+            self.progress.note(f"{damage}: this cell is computed again")
+            return None
+        stored = self.results.cell(key)
+        if stored["status"] == "done" and not self._has_reference(row["reference_key"]):
+            self._reference(cell, row["reference_key"], self.lights.get(cell.light))
+        # The key does not tell what an image file was called, nor a seed that nothing took.
+        return stored | entry(row)
+
+    def _has_reference(self, key: str) -> bool:
+        """Whether a reference is on disk as it was written; looked at once a run."""
+        if key not in self._whole and self.use_cache and self.results.has_reference(key):
+            damage = self.results.damage_of_reference(key)
+            if damage:
+                self.progress.note(f"{damage}: this reference is computed again")
+            else:
+                self._whole.add(key)
+        return key in self._whole
 
     def _give_up(self, row: dict[str, Any], thread: int) -> None:
         """Write the row of a cell that cannot be interrupted, with where it is, before the process ends."""
@@ -264,7 +313,7 @@ class _Executor:
         """The truth as it is on disk: float32, so that a resumed run compares with the same numbers."""
         if self._truth is not None and self._truth[0] == key:
             return self._truth[1]
-        if not self.results.has_reference(key) or not (self.use_cache or key in self._fresh):
+        if not self._has_reference(key):
             options = self.study.reference
             started = time.perf_counter()
 
@@ -282,7 +331,7 @@ class _Executor:
                 self.results.folder / "references" if self.use_cache else None,
             )  # fmt: skip
             self.results.add_reference(key, truth, time.perf_counter() - started)
-            self._fresh.add(key)
+            self._whole.add(key)
         stored = Reference(
             torch.from_numpy(self.results.reference(key).astype(np.float64)),
             torch.from_numpy(self.results.standard_error(key).astype(np.float64)),

@@ -12,8 +12,9 @@ from markupsafe import Markup, escape
 
 from glossbench.citations import cited_by
 from glossbench.metrics import METRICS
-from glossbench.results import Results, replacing
+from glossbench.results import Results
 from glossbench.rows import listed, parsed
+from glossbench.strict_json import dumps
 
 from . import figures, pictures
 from .answer import answer_of, drawn
@@ -39,9 +40,10 @@ PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.j
 def write_report(folder: Path) -> Path:
     """Writes report.html into a folder of results, whole or not at all, and returns its path."""
     results = Results(folder)
-    rows = [parsed(row) for row in results.cells.to_dict("records")]
-    study = results.study
-    metrics = [name for name in _metrics(study) if name in results.cells.columns]
+    results.disk.own("report.html")
+    study, cells = results.study, results.cells
+    rows = [parsed(row) for row in cells.to_dict("records")]
+    metrics = [name for name in _metrics(study) if name in cells.columns]
     groups = grouped(rows, metrics)
     done = [group for group in groups if group.done]
     sweeps = sweeps_of(done, study.get("claims") or ())
@@ -53,6 +55,7 @@ def write_report(folder: Path) -> Path:
         .render(
             scripts=scripts,
             policy=policy(scripts),
+            remarks=results.remarks(cells),
             study=study,
             study_yaml=yaml.safe_dump(study, sort_keys=False, allow_unicode=True),
             claims=results.claims,
@@ -69,7 +72,7 @@ def write_report(folder: Path) -> Path:
             patterns=_patterns(results, groups),
             n_patterns=MANY_PATTERNS,
             states=_states(results, groups),
-            csv=csv_link(results.cells),
+            csv=csv_link(cells),
             methods=_methods([row["method"] for row in rows]),
             citations=cited_by(_used(rows, metrics), str(study.get("source", ""))),
             seen={key: _seen(rows, key) for key in ("version", "torch", "device", "processor", "seed", "light_key")},
@@ -77,11 +80,9 @@ def write_report(folder: Path) -> Path:
             share=100 - CLIPPED_SHARE,
         )
     )
-    path = Path(folder) / "report.html"
-    with replacing(path) as part:
-        part.write_text(page, encoding="utf-8")
-    remove_others(folder, viewer)
-    return path
+    results.disk.write("report.html", page)
+    remove_others(results, viewer)
+    return results.folder / "report.html"
 
 
 @cache
@@ -94,7 +95,8 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    templates.policies["json.dumps_kwargs"] = {"sort_keys": False}
+    templates.policies["json.dumps_function"] = dumps
+    templates.policies["json.dumps_kwargs"] = {}
     templates.filters |= {"number": figures.number, "count": _count, "samples": _samples}
     templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable, "shortest": _shortest}
     return templates

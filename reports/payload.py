@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
-from math import ceil, log2, sqrt
+from math import ceil, log2, prod, sqrt
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from jinja2.utils import htmlsafe_json_dumps
@@ -24,6 +25,7 @@ from glossbench.atomic import replacing
 from glossbench.metrics.metric import Floats
 from glossbench.metrics.perceptual import FLIP
 from glossbench.results import Results
+from glossbench.strict_json import dumps
 
 from . import figures, pictures
 from .cells import Cell, Group
@@ -86,7 +88,7 @@ def payload(results: Results, groups: Sequence[Group], metric: str | None = None
             if inline:
                 blocks[name] = b64encode(data).decode()
             else:
-                files.add(_write_beside(results.folder, name, data))
+                files.add(_write_beside(results, name, data))
             entries.append(entry | {"data": name})
         described.append(_described(results, group, entries, ranges))
     registry = {
@@ -98,16 +100,12 @@ def payload(results: Results, groups: Sequence[Group], metric: str | None = None
         "flipReduction": reduction,
         "errors": [{"mode": mode, "name": name, "formula": formula} for mode, (name, formula) in ERRORS.items()],
     }
-    return Payload(htmlsafe_json_dumps(registry), blocks, frozenset(files))
+    return Payload(htmlsafe_json_dumps(registry, dumps=dumps), blocks, frozenset(files))
 
 
-def remove_others(folder: Path, payload: Payload) -> None:
-    """Remove image files of an older page; to be called when the new page is there."""
-    for path in (Path(folder) / FOLDER).glob("*.js"):
-        if path.name not in payload.files:
-            path.unlink(missing_ok=True)
-    if not payload.files and (Path(folder) / FOLDER).is_dir() and not any((Path(folder) / FOLDER).iterdir()):
-        (Path(folder) / FOLDER).rmdir()
+def remove_others(results: Results, payload: Payload) -> None:
+    """Remove image files of an older page that this program wrote; to be called when the new page is there."""
+    results.disk.keep_only(".js", FOLDER, payload.files)
 
 
 def packed(planes: Planes) -> bytes:
@@ -156,8 +154,8 @@ def _images(
     step = max(1, len(group.done) * int(mask.sum()) // RANGE_SAMPLES)
     for cell in group.done:
         image = results.image(cell.row["key"]).astype(np.float64)
-        at = results.folder / "images" / f"{cell.row['key']}_flip_{reduction}.npz"
-        flip = _kept(at, partial(_flip, image, reference, mask, reduction))
+        name = f"images/{cell.row['key']}_flip_{reduction}.npz"
+        flip = _kept(results, name, mask.shape, partial(_flip, image, reference, mask, reduction))
         for mode, seen in ranges.items():
             seen.append(
                 flip[mask][::step] if mode == "flip" else error(mode, image[mask][::step], reference[mask][::step])
@@ -208,14 +206,28 @@ def _halves(radiance: Floats, fourth: Floats) -> Planes:
     return np.clip(np.nan_to_num(four, nan=0.0), -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
 
 
-def _kept(path: Path, make: Callable[[], Floats]) -> Floats:
-    """A map in steps of 1/256, made by the first page of these results: the file has the key of what made it."""
-    if not path.is_file():
+def _kept(results: Results, name: str, shape: tuple[int, ...], make: Callable[[], Floats]) -> Floats:
+    """A map in steps of 1/256, made by the first page of these results, or again where the file is damaged."""
+    path = results.disk.path(name)
+    steps = _stored(path, shape)
+    if steps is None:
+        steps = (256 * make()).astype(np.uint16)
         with replacing(path) as part, part.open("wb") as file:
-            np.savez_compressed(file, steps=(256 * make()).astype(np.uint16))
-    with np.load(path) as kept:
-        steps: Floats = kept["steps"]
+            np.savez_compressed(file, steps=steps)
     return steps / 256
+
+
+def _stored(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
+    """The steps in a file of a map; None where there is none, or not the whole of one of this shape."""
+    try:
+        with ZipFile(path) as file:  # which has checksums
+            if sum(member.file_size for member in file.infolist()) > 2 * prod(shape) + 1000 or file.testzip():
+                return None
+        with np.load(path, allow_pickle=False) as kept:
+            steps: NDArray[np.uint16] = kept["steps"]
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, NotImplementedError, RuntimeError, zlib.error):
+        return None
+    return steps if steps.dtype == np.uint16 and steps.shape == shape else None
 
 
 def _flip(image: Floats, reference: Floats, mask: pictures.Mask, n: int) -> Floats:
@@ -235,11 +247,11 @@ def _colours(colours: Any) -> str:
     return b64encode(np.round(255 * colours(range(255))[:, :3]).astype(np.uint8).tobytes()).decode()
 
 
-def _write_beside(folder: Path, name: str, data: bytes) -> str:
-    """An image as a script that hands it to the page."""
-    path = Path(folder) / FOLDER / f"{name}.js"
-    if not path.is_file():  # its name is its content
+def _write_beside(results: Results, name: str, data: bytes) -> str:
+    """An image as a script that hands it to the page; whatever had its name, for a script of a stranger would run."""
+    path = results.disk.path(f"{FOLDER}/{name}.js")
+    text = f'glossbenchImage("{name}","{b64encode(data).decode()}")\n'
+    if not path.is_file() or path.stat().st_size != len(text) or path.read_text("latin-1") != text:
         path.parent.mkdir(exist_ok=True)
-        with replacing(path) as part:
-            part.write_text(f'glossbenchImage("{name}","{b64encode(data).decode()}")\n')
+        results.disk.write(f"{FOLDER}/{name}.js", text)
     return path.name

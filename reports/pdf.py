@@ -34,9 +34,10 @@ Titled = tuple[Figure, str]
 def write_report(folder: Path) -> Path:
     """Writes report.pdf into a folder of results, whole or not at all, and returns its path."""
     results = Results(folder)
-    study = results.study
-    rows = [parsed(row) for row in results.cells.to_dict("records")]
-    metrics = [name for name in study.get("metrics") or () if name in results.cells.columns]
+    results.disk.own("report.pdf")
+    study, cells, claims = results.study, results.cells, results.claims
+    rows = [parsed(row) for row in cells.to_dict("records")]
+    metrics = [name for name in study.get("metrics") or () if name in cells.columns]
     groups = grouped(rows, metrics)
     done = [group for group in groups if group.done]
     sweeps = sweeps_of(done, study.get("claims") or ())
@@ -49,10 +50,8 @@ def write_report(folder: Path) -> Path:
             "title": str(study.get("title", "")),
             "source": str(study.get("source") or ""),
             "question": " ".join(str(study.get("question") or "").split()),
-            "facts": _facts(results.provenance, rows),
-            "claims": [
-                {"text": c["text"], "verdict": c["verdict"], "summary": c.get("summary", "")} for c in results.claims
-            ],
+            "facts": [*_facts(results.provenance, rows), *results.remarks(cells)],
+            "claims": [{"text": c["text"], "verdict": c["verdict"], "summary": c.get("summary", "")} for c in claims],
             "method": sole_method(groups),
             "answer": answer,
             "errors": errors,
@@ -67,13 +66,13 @@ def write_report(folder: Path) -> Path:
             "metrics": [_metric(name) for name in metrics],
             "references": reference_table(groups),
             "without_image": _without_image(groups),
-            "numbers": [claim_table(claim) for claim in results.claims if claim.get("numbers")],
+            "numbers": [claim_table(claim) for claim in claims if claim.get("numbers")],
             "bibliography": press.add("\n".join(c.bibtex for c in citations).encode(), "bib") if citations else None,
             "study": yaml.safe_dump(study, sort_keys=False, allow_unicode=True, width=112, default_flow_style=None),
             "provenance": _provenance(results.provenance, study, groups),
         }
         pdf = press.pages("report.typ", data)
-    path = Path(folder) / "report.pdf"
+    path = results.disk.path("report.pdf")
     with replacing(path) as part:
         part.write_bytes(pdf)
     return path

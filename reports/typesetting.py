@@ -1,6 +1,5 @@
 """The road to typst: a folder with data, images and templates becomes pages; what a study says stays text."""
 
-import json
 import re
 from collections.abc import Mapping
 from io import BytesIO
@@ -12,6 +11,8 @@ from typing import Any, Literal
 import typst
 from matplotlib import get_data_path, rc_context
 from matplotlib.figure import Figure
+
+from glossbench.strict_json import dumps
 
 from .figures import RC
 
@@ -77,7 +78,7 @@ class Press:
 
     def pages(self, template: str, data: Mapping[str, Any], form: Format = "pdf") -> bytes:
         """What a template makes of data: a PDF, or an image of its first page."""
-        (self.folder / "data.json").write_text(json.dumps(_breakable(data), ensure_ascii=True), encoding="utf-8")
+        (self.folder / "data.json").write_text(dumps(_breakable(data)), encoding="utf-8")
         for source in TEMPLATES.glob("*.typ"):
             (self.folder / source.name).write_bytes(source.read_bytes())
         made = self._compiler.compile(str(self.folder / template), format=form, ppi=300)

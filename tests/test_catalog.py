@@ -4,6 +4,7 @@ import hashlib
 import json
 import socket
 import threading
+import time
 from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -224,11 +225,12 @@ class Server:
         cut: after how many bytes of the body each connection breaks; None is never.
         ranges: whether Range is honoured.
         status: instead of the file.
+        slow: how many bytes come one at a time, 50 per second.
     """
 
     def __init__(self) -> None:
         self.requests: list[str | None] = []
-        self.content, self.cut, self.ranges, self.status = CONTENT, None, True, 200
+        self.content, self.cut, self.ranges, self.status, self.slow = CONTENT, None, True, 200, 0
         self.gate = threading.Event()
         self.gate.set()
         outer = self
@@ -262,7 +264,10 @@ class Server:
             handler.send_header("Content-Range", f"bytes {start}-{len(self.content) - 1}/{len(self.content)}")
         handler.send_header("Content-Length", str(len(body)))
         handler.end_headers()
-        handler.wfile.write(body[: self.cut])
+        for i in range(self.slow):
+            handler.wfile.write(body[i : i + 1])
+            time.sleep(0.02)
+        handler.wfile.write(body[self.slow : self.cut])
 
 
 @pytest.fixture
@@ -289,6 +294,29 @@ def test_a_file_comes_whole_with_its_progress(server, tmp_path):
     assert path.read_bytes() == CONTENT
     assert names(tmp_path / "new") == ["file.bin"]
     assert (told[0], told[-1], told) == (0, len(CONTENT), sorted(told))
+
+
+def test_a_server_that_sends_next_to_nothing_is_given_up(server, tmp_path, monkeypatch):
+    monkeypatch.setattr(download, "PATIENCE", 0.2)
+    server.slow = 1000
+
+    with pytest.raises(InputError, match=r"is given up: it sent \d+ bytes in 0 s, and the file has 300000; the same "):
+        brought(server, tmp_path / "file.bin")
+    have = (tmp_path / "file.bin.part").stat().st_size
+    server.slow = 0
+    brought(server, tmp_path / "file.bin")
+
+    assert 0 < have < 100
+    assert server.requests[1] == f"bytes={have}-"
+    assert (tmp_path / "file.bin").read_bytes() == CONTENT
+
+
+def test_a_slow_moment_of_a_server_is_waited_for(server, tmp_path, monkeypatch):
+    """Twin of the above: the mean over the time of patience counts."""
+    monkeypatch.setattr(download, "PATIENCE", 5.0)
+    server.slow = 10
+
+    assert brought(server, tmp_path / "file.bin").read_bytes() == CONTENT
 
 
 def test_a_file_that_is_there_asks_nobody(server, tmp_path):

@@ -3,12 +3,14 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from glossbench import atomic
 from glossbench.errors import InputError
 from glossbench.ground_truth import Reference
 from glossbench.results import Results, key_of, replacing
@@ -122,27 +124,97 @@ def test_text_that_looks_like_a_number_stays_text_in_the_study(results):
     assert results.study == study
 
 
+def part_of(target: Path, writer: int, host: str | None = None) -> Path:
+    """A half-written file, as a killed process leaves it."""
+    with replacing(target) as part:
+        part.write_text("half")
+    target.unlink()
+    words = part.name.split("-")
+    left = part.with_name("-".join([words[0], host or words[1], str(writer), *words[3:]]))
+    left.write_text("half")
+    return left
+
+
 def test_what_a_killed_writer_left_is_removed(results):
     writer = dead_process()
-    left = [f"cells/.{writer}.k.json", f"images/..{writer}.k.exr.0a1b.part", f".{os.getpid()}.cells.parquet"]
-    for name in left:
-        (results.folder / name).write_text("half")
+    for name in ("cells/k.json", "images/k.exr", "references/k_mask.png", "cells.parquet"):
+        part_of(results.folder / name, writer)
+    assert len(hidden(results.folder)) == 4
 
     results.create()
 
     assert hidden(results.folder) == []
 
 
-def test_what_a_living_writer_writes_is_spared(results):
-    """Twin of the above: another process is at work in the same folder."""
-    kept = [f".{os.getppid()}.k.json", ".gitignore", ".2024.d"]
-    (results.folder / "cells" / kept[2]).mkdir()
-    for name in kept[:2]:
-        (results.folder / "cells" / name).write_text("half")
+def test_what_was_left_long_ago_elsewhere_is_removed(results):
+    left = part_of(results.folder / "cells" / "k.json", 1, host="0" * 12)
+    os.utime(left, (time.time() - 2 * atomic.ABANDONED,) * 2)
 
     results.create()
 
-    assert sorted(hidden(results.folder)) == sorted(kept)
+    assert hidden(results.folder) == []
+
+
+def test_what_may_still_be_written_is_spared(results):
+    """Twin of the above: by a living process, by this one, by one of another machine or container."""
+    target = results.folder / "cells" / "k.json"
+    kept = [part_of(target, os.getppid()), part_of(target, os.getpid()), part_of(target, dead_process(), "0" * 12)]
+
+    results.create()
+
+    assert set(kept) <= set((results.folder / "cells").iterdir())
+
+
+def test_hidden_files_of_others_are_spared(results):
+    left = part_of(results.folder / "k.json", dead_process())
+    (results.folder / "cells" / "deep").mkdir()
+    others = [
+        "cells/.99999.private.key", ".2023.csv.swp", f"images/.{dead_process()}.k.exr", "cells/deep/.gitignore",
+        f"cells/deep/{left.name}", f"cells/{left.name}.txt", f"images/{left.name[1:]}",
+    ]  # fmt: skip
+    for name in others:
+        (results.folder / name).write_text("precious")
+    linked = results.folder / "references" / left.name
+    linked.symlink_to(results.folder / others[0])
+
+    results.create()
+
+    assert all((results.folder / name).read_text() == "precious" for name in others)
+    assert linked.is_symlink()
+    assert not left.exists()
+
+
+def test_two_processes_of_one_number_write_the_same_file(results, monkeypatch):
+    monkeypatch.setattr(os, "getpid", lambda: 1)
+    target = results.folder / "file"
+
+    with replacing(target) as first:
+        with replacing(target) as second:
+            second.write_text("second")
+        first.write_text("first")
+
+    assert target.read_text() == "first"
+    assert hidden(results.folder) == []
+
+
+@pytest.mark.parametrize("name", ["a" * 255, "a." + "b" * 253, "ä" * 127, "run:1", "100 %#?\n.txt"])
+def test_every_name_that_a_file_may_have_is_written(tmp_path, name):
+    with replacing(tmp_path / name) as part:
+        part.write_text("new")
+
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_a_file_is_on_the_disk_before_it_bears_its_name(tmp_path, monkeypatch):
+    did = []
+    for call in ("fsync", "replace"):
+        really = getattr(os, call)
+        monkeypatch.setattr(os, call, lambda *args, call=call, really=really: (did.append(call), really(*args)))
+
+    with replacing(tmp_path / "file") as part:
+        part.write_text("new")
+
+    assert did == ["fsync", "replace", "fsync"]
 
 
 @pytest.mark.parametrize("path", ["file", "file/below", "file/much/below"])

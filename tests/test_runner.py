@@ -254,8 +254,8 @@ def test_a_run_interrupted_in_any_write_ends_with_the_same_bytes(study_of, tmp_p
         assert_whole(folder)
 
 
-def test_files_written_in_place_would_not_survive(study_of, tmp_path, monkeypatch):
-    """Twin of the above: a row is half-written where it stands, and the restarted run stumbles over it."""
+def test_files_written_in_place_would_be_half_written(study_of, tmp_path, monkeypatch):
+    """Twin of the above: a row is half-written where it stands; the restarted run finds it and makes it again."""
 
     @contextmanager
     def in_place(path: Path) -> Iterator[Path]:
@@ -265,12 +265,16 @@ def test_files_written_in_place_would_not_survive(study_of, tmp_path, monkeypatc
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("glossbench.results.replacing", in_place)
+        patch.setattr("glossbench.folder.replacing", in_place)
         with pytest.raises(KeyboardInterrupt):
             run_study(study_of(), tmp_path / "r")
+    [row] = (tmp_path / "r" / "cells").iterdir()
+    assert len(row.read_bytes()) == 50
+    said = []
 
-    with pytest.raises(json.JSONDecodeError):
-        run_study(study_of(), tmp_path / "r")
+    run_study(study_of(), tmp_path / "r", progress=Progress(note=said.append))
+
+    assert said == [f"{row} is damaged: this cell is computed again"]
 
 
 def test_the_comparison_notices_one_changed_bit(whole, unbroken, tmp_path):
@@ -502,10 +506,10 @@ def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, 
     ],
     ids=lambda value: next(iter(value.items())).__str__() if isinstance(value, dict) else "",
 )
-def test_whatever_changes_a_number_changes_the_key(study_of, first_again, change, new_reference):
-    first = Results(first_again).cells
+def test_whatever_changes_a_number_changes_the_key(study_of, first, tmp_path, change, new_reference):
+    first = Results(first).cells
 
-    second = run_study(study_of(**change), first_again).cells
+    second = run_study(study_of(**change), tmp_path / "second").cells
 
     assert set(first["key"]).isdisjoint(second["key"])
     assert (first["reference_key"][0] != second["reference_key"][0]) == new_reference

@@ -1,6 +1,5 @@
 """`glossbench data`: the catalogue of public inputs."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +11,7 @@ from glossbench.catalog import entries, entry, fetch
 from glossbench.commands.completion import catalogue
 from glossbench.errors import InputError
 from glossbench.printing import err, out, say
+from glossbench.strict_json import dumps
 
 app = typer.Typer(help="List and fetch public files of lights, BRDFs and meshes.", no_args_is_help=True)
 
@@ -26,7 +26,7 @@ def list_entries(
     """List the public inputs: what each is good for, its size, and where it is if it is here."""
     stated = [(one, one.local()) for one in entries(kind)]
     if as_json:
-        print(json.dumps([asdict(one) | {"local": str(path) if path else None} for one, path in stated], indent=2))
+        print(dumps([asdict(one) | {"local": str(path) if path else None} for one, path in stated], indent=2))
         return
     table = Table("name", "kind", "MB", "here", "stresses", box=None, pad_edge=False)
     for one, path in stated:

@@ -11,7 +11,7 @@ import typer
 from glossbench.commands.completion import figures as figure_names
 from glossbench.commands.completion import results as result_folders
 from glossbench.errors import InputError, nearest
-from glossbench.printing import print_rows, say
+from glossbench.printing import note, print_rows, say
 
 
 def figure(
@@ -47,7 +47,11 @@ def figure(
     told = {option: value for option, value in given.items() if value is not None}
     if not_taken := sorted(set(told) - set(signature(figures[name]).parameters)):
         raise InputError(f"the figure {name} takes no --{not_taken[0]}")
-    path = output or opened.folder / f"{name}.pdf"
+    for remark in opened.remarks(opened.cells):
+        note(remark)
+    if output is None:
+        opened.disk.own(f"{name}.pdf")
+    path = output or opened.disk.path(f"{name}.pdf")
     figures[name](opened.folder, path, **told)
     say(f"figure: {path}")
 

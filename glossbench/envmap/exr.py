@@ -15,7 +15,7 @@ from glossbench.envmap.chromaticities import in_rec709
 from glossbench.envmap.decoded import Covering, Decoded
 from glossbench.envmap.exr_layers import Layer, colour_layer
 from glossbench.envmap.refusals import check_size, damaged, last_error
-from glossbench.errors import InputError
+from glossbench.errors import CannotWrite, InputError
 
 KIND = "an OpenEXR image"
 _ROWS = 256  # at a time, a multiple of what any compression codes together: bounds the memory
@@ -96,7 +96,7 @@ def write_exr(
     try:
         OpenEXR.File(header, content).write(coded)
     except RuntimeError as error:
-        raise InputError(f"{path}: cannot be written: {' '.join(str(error).split())}") from None
+        raise CannotWrite(path, " ".join(str(error).split())) from None
     with replacing(path) as part:
         part.write_bytes(coded.getbuffer())
 
