@@ -112,6 +112,19 @@ def test_a_write_that_fails_leaves_the_old_file_whole(tmp_path, monkeypatch):
     assert read_image(tmp_path / "a.exr").min() == 1
 
 
+def test_nothing_is_in_the_folder_while_an_image_is_coded(tmp_path, monkeypatch):
+    def killed(self, target):
+        target.write(b"half")
+        assert list(tmp_path.iterdir()) == []
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(OpenEXR.File, "write", killed)
+
+    with pytest.raises(KeyboardInterrupt):
+        write_exr(tmp_path / "a.exr", torch.zeros(4, 4, 3))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_channels_have_their_names(tmp_path):
     image = an_image(channels=2)
 

@@ -76,9 +76,12 @@ def test_the_picture_is_the_display_window_black_without_data(tmp_path, storage,
     ] * (data != (0, 0, 20, 12))  # fmt: skip
 
 
-def test_a_picture_larger_than_a_block_of_rows_is_whole(tmp_path):
+@pytest.mark.parametrize("compression", ["NO", "ZIP", "HTJ2K256"])
+def test_a_picture_larger_than_a_block_of_rows_is_whole(tmp_path, monkeypatch, compression):
+    monkeypatch.setattr("glossbench.envmap.exr._BLOCK", 1000)
     shown = np.arange(600 * 3, dtype=np.float32).reshape(600, 3)
     header = {"dataWindow": window(0, 5, 3, 600), "displayWindow": window(0, 0, 3, 610)}
+    header["compression"] = getattr(OpenEXR, f"{compression}_COMPRESSION")
     write(tmp_path / "a.exr", {"Y": shown}, **header)
 
     image = read_image(tmp_path / "a.exr")

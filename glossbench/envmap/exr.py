@@ -18,7 +18,7 @@ from glossbench.envmap.refusals import check_size, damaged, last_error
 from glossbench.errors import CannotWrite, InputError
 
 KIND = "an OpenEXR image"
-_ROWS = 256  # at a time, a multiple of what any compression codes together: bounds the memory
+_BLOCK = 2**26  # bytes of pixels at a time
 _PROJECTION, _AXES = "glossbench:projection", "glossbench:axes"  # attributes of the files that are written here
 # What the format's own attribute means, by the library's name for its values.
 _ENVMAP = {"LatLong Environment": ("lat_long", "mitsuba"), "CubeFace Environment": ("openexr_cube", "forward")}
@@ -190,8 +190,9 @@ def _whole(path: Path, source: oiio.ImageInput, wanted: oiio.ImageSpec, layer: L
         spec = source.spec()
         is_wanted = (part, level) == (layer.part, 0)
         channels = (first, end) if is_wanted else (0, 1)
-        for row in [] if spec.deep else range(spec.y, spec.y + spec.height, _block(spec)):
-            last = min(row + _block(spec), spec.y + spec.height)
+        step = _block(spec, channels[1] - channels[0])
+        for row in [] if spec.deep else range(spec.y, spec.y + spec.height, step):
+            last = min(row + step, spec.y + spec.height)
             pixels = _read_rows(source, spec, part, level, row, last, channels)
             if pixels is None:
                 raise damaged(path, KIND, last_error(source.geterror))
@@ -209,9 +210,10 @@ def _whole(path: Path, source: oiio.ImageInput, wanted: oiio.ImageSpec, layer: L
     return image, n_transparent
 
 
-def _block(spec: oiio.ImageSpec) -> int:
-    """Rows to read at a time: whole tiles."""
-    return max(1, _ROWS // spec.tile_height) * spec.tile_height if spec.tile_height else _ROWS
+def _block(spec: oiio.ImageSpec, n_channels: int) -> int:
+    """Rows to read at a time: whole tiles, or what the file codes together, of about 64 MB."""
+    together = spec.tile_height or spec.get_int_attribute("oiio:RowsPerChunk", 1)
+    return max(1, _BLOCK // (4 * n_channels * spec.width * together)) * together
 
 
 def _read_rows(

@@ -50,14 +50,14 @@ def facts(
     cubemap: CubeMap, projection: str | None = None, image: Tensor | None = None, axes: str | None = None
 ) -> LightFacts:
     """The facts of a cube map, and of the image (H, W, 3), its projection and axes, that it came from if it did."""
-    weights = torch.tensor(LUMINANCE).double()
     resolution = cubemap.resolution
-    solid_angle = texel_solid_angles(resolution).expand(6, -1, -1).flatten()
-    luminance, order = (cubemap.faces.cpu().double() @ weights).flatten().sort(descending=True)
-    area, peak = solid_angle[order].cumsum(0), luminance[0].item()
-    flux = (luminance * solid_angle[order]).cumsum(0)
-    lit = luminance > 0
-    dim = _at(area[lit] / area[lit][-1], luminance[lit], 0.99) if peak > 0 else 1.0
+    # Single precision and arrays used again: with all of 2048 texels along an edge it is a question of gigabytes.
+    luminance, order = torch.cat([_luminance(face) for face in cubemap.faces.cpu()]).sort(descending=True)
+    share = texel_solid_angles(resolution).flatten()[order.remainder_(resolution**2)]
+    del order
+    area, flux, peak = share.cumsum(0), share.mul_(luminance).cumsum_(0), luminance[0].item()
+    n_lit = int((luminance > 0).sum())
+    dim = _at(area[:n_lit], luminance[:n_lit], 0.99 * area[n_lit - 1].item()) if peak > 0 else 1.0
     e = cubemap.irradiance(vec3(torch.tensor([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))).tolist()
     return LightFacts(
         resolution=resolution,
@@ -72,8 +72,13 @@ def facts(
         axes=axes,
         width=None if image is None else image.shape[1],
         height=None if image is None else image.shape[0],
-        image_peak=None if image is None else (image.double() @ weights).max().item(),
+        image_peak=None if image is None else max(_luminance(rows).max().item() for rows in image.split(256)),
     )
+
+
+def _luminance(image: Tensor) -> Tensor:
+    """Luminance (N,) of pixels (..., 3), rounded to float32."""
+    return (image.double() @ torch.tensor(LUMINANCE).double()).float().flatten()
 
 
 def _at(x: Tensor, y: Tensor, value: float) -> float:
