@@ -68,7 +68,7 @@ def facts(cubemap: CubeMap, projection: str | None = None, image: Tensor | None 
         projection=projection,
         width=None if image is None else image.shape[1],
         height=None if image is None else image.shape[0],
-        image_peak=None if image is None else (image.double() @ weights).max().item(),
+        image_peak=None if image is None else max((rows.double() @ weights).max().item() for rows in image.split(256)),
     )
 
 

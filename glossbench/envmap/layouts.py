@@ -63,30 +63,34 @@ def _lat_long_margin(image: Tensor) -> Tensor:
 
     Bilinear rows weigh a pixel by its solid angle, but those at the poles themselves by 1/12 too much.
     """
-    image = widened_near_poles(image)
-    over = image.roll(image.shape[1] // 2, 1)
-    rows = torch.cat([over[:1], image, over[-1:]])
-    return torch.cat([rows[:, -1:], rows, rows[:, :1]], dim=1)
+    height, width = image.shape[:2]
+    out = image.new_empty(height + 2, width + 2, 3)
+    out[1:-1, 1:-1] = image
+    widen_near_poles(out[1:-1, 1:-1])
+    for beyond, row in ((0, 1), (-1, -2)):
+        out[beyond, 1:-1] = out[row, 1:-1].roll(width // 2, 0)
+    out[:, 0], out[:, -1] = out[:, -2], out[:, 1]
+    return out
 
 
-def widened_near_poles(image: Tensor) -> Tensor:
-    """Each pixel a tent along its row, of half width 1 / sin(theta): as wide as bilinear rows are high.
+def widen_near_poles(image: Tensor) -> None:
+    """Makes each pixel a tent along its row, of half width 1 / sin(theta): as wide as bilinear rows are high.
 
     Without it a lamp in one pixel near a pole falls between the directions at which the image is sampled, or on one
     of them and counts for many. The mean of a row, and so its energy, stays.
     """
     height, width = image.shape[:2]
     sin = torch.sin((torch.arange(height, dtype=torch.float64) + 0.5) / height * pi)
-    half = ((1 / sin - 1) / 2).round().long()
-    near = half.nonzero()[:, 0]
-    half = half[near, None]
-    row, column = torch.arange(len(near))[:, None], torch.arange(width)[None, :] + width
-    wide = image[near].double()
-    for _ in range(2):  # a box twice is a tent
-        total = torch.cat([wide] * 3, dim=1).cumsum(1)
-        wide = (total[row, column + half] - total[row, column - half - 1]) / (2 * half + 1)[:, :, None]
-    # Differences of sums leave a rounding error, which must not turn black into negative.
-    return image.index_copy(0, near, wide.clamp(min=0).float())
+    half = ((width / (2 * height) / sin - 1) / 2).round().clamp(min=0).long()
+    for near in half.nonzero()[:, 0].split(64):  # bounds the memory
+        n = half[near, None]
+        row, column = torch.arange(len(near))[:, None], torch.arange(width)[None, :] + width
+        wide = image[near].double()
+        for _ in range(2):  # a box twice is a tent
+            total = torch.cat([wide] * 3, dim=1).cumsum(1)
+            wide = (total[row, column + n] - total[row, column - n - 1]) / (2 * n + 1)[:, :, None]
+        # Differences of sums leave a rounding error, which must not turn black into negative.
+        image[near] = wide.clamp(min=0).float()
 
 
 # The angular map of a light probe: radius = angle from forward / pi.

@@ -99,7 +99,8 @@ class FileLight(Light):
 
     def key(self) -> str:
         """Hash of the file's bytes, and the options that say how it is read."""
-        digest = hashlib.sha256(locate(self.file).read_bytes()).hexdigest()
+        with locate(self.file).open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
         reading = {k: v for k, v in self.as_dict().items() if k != "file"}
         return f"file:{digest}:{json.dumps(reading, sort_keys=True)}"
 
