@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from glossbench.envmap.decoded import Decoded
-from glossbench.envmap.refusals import check_size, damaged
+from glossbench.envmap.refusals import check_fits, check_size, damaged
 from glossbench.errors import InputError
 
 KIND = "a DDS cube map"
@@ -68,6 +68,7 @@ def read_dds(path: Path) -> Decoded:
     face = pixel * sum(max(width >> level, 1) ** 2 for level in range(max(n_levels, 1)))
     if n_bytes - start < 6 * face:
         raise damaged(path, KIND, f"{n_bytes - start} of {6 * face} bytes of pixels are there")
+    check_fits(path, width, 6 * height)
     faces = np.fromfile(path, np.uint8, 6 * face, offset=start).reshape(6, face)[:, : pixel * width * width]
     texels = np.ascontiguousarray(faces).view(dtype).reshape(6 * width, width, channels)
     return Decoded(texels[..., :3].astype(np.float32))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from glossbench.envmap.decoded import Decoded
-from glossbench.envmap.refusals import check_size, damaged
+from glossbench.envmap.refusals import check_fits, check_size, damaged
 
 KIND = "a portable float map"
 # The one white space after the scale ends the header: what follows may be a byte of pixels that looks like another.
@@ -41,6 +41,7 @@ def read_pfm(path: Path) -> Decoded:
     wanted, there = height * width * channels * 4, path.stat().st_size - match.end()
     if there < wanted:
         raise damaged(path, KIND, f"{there} of {wanted} bytes of pixels are there")
+    check_fits(path, width, height)
     stored = np.fromfile(path, "<f4" if scale < 0 else ">f4", height * width * channels, offset=match.end())
     image = np.multiply(stored.reshape(height, width, channels)[::-1], abs(scale), dtype=np.float32)
     return Decoded(image.repeat(3, axis=2) if channels == 1 else image)

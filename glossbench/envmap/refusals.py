@@ -18,11 +18,15 @@ def damaged(path: Path, kind: str, reason: str) -> InputError:
 
 
 def check_size(path: Path, kind: str, width: int, height: int) -> None:
-    """InputError for a header that claims no pixels, more than 2^28, or more than fit into memory."""
+    """InputError for a header that claims no pixels, or more than 2^28."""
     if min(width, height) < 1:
         raise damaged(path, kind, f"it must have at least 1x1 pixels, its header claims {width}x{height}")
     if width * height > MAX_PIXELS:
         raise InputError(f"{path}: must have at most {MAX_PIXELS} pixels, its header claims {width} x {height}")
+
+
+def check_fits(path: Path, width: int, height: int) -> None:
+    """InputError for an image that is whole, but does not fit into memory as a light."""
     check_memory(f"{path}: an image of {width} x {height} pixels", _BYTES_A_PIXEL * width * height)
 
 
