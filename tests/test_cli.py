@@ -665,6 +665,51 @@ def test_a_light_read_as_another_projection_would_be_noticed(call):
     assert again.mean().tolist() != pytest.approx([0.5] * 3, rel=ENERGY)
 
 
+def test_a_written_light_is_read_by_what_it_says_of_itself(call):
+    call("light", "gradient", "--resolution", 16, "-o", "out.exr", "--as", "octahedral")
+
+    code, out, _ = call("light", "out.exr")
+
+    said = {line[:19].strip(): words(line[19:]) for line in out.splitlines()}
+    assert (code, said["read as"]) == (0, "octahedral, 32 x 32 pixels")
+    assert [float(c) for c in said["mean radiance"].split()] == pytest.approx([0.5] * 3, rel=ENERGY)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["-o", "out.png"], "out.png: the extension must be .exr, got '.png'"),
+        (["-o", "gone/out.exr"], "gone/out.exr: cannot be written: No such file or directory"),
+        (["-o", "folder.exr"], "folder.exr: must be a file to write, is a folder"),
+        (["-o", "out.exr", "--as", "octahedron"], "unknown projection 'octahedron'; did you mean 'octahedral'?"),
+        (["-o", "out.exr", "--as-axes", "pbrt", "--as", "strip"], "axes 'pbrt' say nothing of the projection strip"),
+    ],
+)  # fmt: skip
+def test_a_light_that_cannot_be_written_is_refused_before_it_is_made(call, monkeypatch, options, message):
+    Path("folder.exr").mkdir()
+    monkeypatch.setattr("glossbench.envmap.lights.light_named", lambda *_: pytest.fail("the light was made"))
+
+    code, _, err = call("light", "gradient", *options)
+
+    assert (code, err.count("\n")) == (2, 1)
+    assert err.startswith(f"error: {message}")
+    assert not Path("out.exr").exists()
+
+
+def test_light_takes_the_layer_that_is_named_and_says_what_it_chose(call):
+    names = [f"{layer}.{c}" for layer in ("AO", "Combined") for c in "RGB"]
+    write_exr("probe.exr", torch.tensor([1.0, 1, 1, 2, 2, 2]).expand(8, 16, 6), names)
+
+    of_itself, named = call("light", "probe.exr"), call("light", "probe.exr", "--layer", "AO")
+
+    mean = [
+        next(line for line in run.out.splitlines() if line.startswith("mean")).split()[2] for run in (of_itself, named)
+    ]
+    assert mean == ["2", "1"]
+    assert "probe.exr: the layer Combined is read, of AO, Combined" in of_itself.out
+    assert "is read" not in named.out
+
+
 def test_a_picture_is_written_whole_or_not_at_all(call):
     before = {"tiny.yaml"}
 

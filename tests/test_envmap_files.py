@@ -99,11 +99,12 @@ def test_writing_replaces_the_file_and_leaves_nothing_beside_it(tmp_path):
 def test_a_write_that_fails_leaves_the_old_file_whole(tmp_path, monkeypatch):
     write_exr(tmp_path / "a.exr", torch.ones(4, 4, 3))
 
-    def break_off(self, name):
-        Path(name).write_bytes(b"half")
-        raise RuntimeError("disk full")
+    def break_off(self, data):
+        with self.open("wb") as file:
+            file.write(data[:4])
+        raise OSError(28, "disk full")
 
-    monkeypatch.setattr(OpenEXR.File, "write", break_off)
+    monkeypatch.setattr(Path, "write_bytes", break_off)
 
     with pytest.raises(InputError, match="disk full"):
         write_exr(tmp_path / "a.exr", torch.zeros(4, 4, 3))
@@ -268,7 +269,7 @@ def layers_exr(path):
     [
         (parts_exr, None, (3, 4, 5)),
         (parts_exr, "half", (1.5, 2, 2.5)),
-        (layers_exr, None, (1, 2, 3)),
+        (layers_exr, "diffuse", (1, 2, 3)),
         (layers_exr, "sky.left", (7, 8, 9)),
     ],
 )

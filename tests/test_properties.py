@@ -16,12 +16,12 @@ from glossbench.envmap.cubemap import CubeMap, face_coordinates, face_directions
 from glossbench.envmap.importance import luminance_distribution
 from glossbench.envmap.layouts import LAYOUTS
 from glossbench.envmap.paraboloid import build_paraboloid, repeat_edge
-from glossbench.envmap.projections import Projection, from_cubemap, to_cubemap
+from glossbench.envmap.projections import Written, from_cubemap, to_cubemap
 from glossbench.envmap.pyramid import MipFilter, build_pyramid, lookup
 from glossbench.errors import InputError
 from glossbench.options import json_schema
 
-PROJECTIONS = get_args(Projection)
+PROJECTIONS = get_args(Written)
 FILTERS = get_args(MipFilter)
 
 

@@ -11,7 +11,7 @@ from glossbench.printing import out, print_rows, say
 
 if TYPE_CHECKING:
     from glossbench.envmap.facts import LightFacts
-    from glossbench.envmap.projections import Projection
+    from glossbench.envmap.projections import Written
 
 SHORT = {"cross": "vertical_cross"}
 Axes = "forward, opengl, directx, mitsuba, blender, pbrt or nvdiffrec"
@@ -22,9 +22,10 @@ def light(
         str, typer.Argument(metavar="FILE|NAME", help="An image file, or a light's name.", autocompletion=lights)
     ],
     resolution: Annotated[int | None, typer.Option(help="Texels along the edge of a face, a power of two.")] = None,
-    projection: Annotated[str | None, typer.Option(help="How the file covers the sphere; else by its shape.")] = None,
-    axes: Annotated[str | None, typer.Option(help=f"Whose axes the file follows: {Axes}.")] = None,
+    projection: Annotated[str | None, typer.Option(help="How the file covers the sphere; else as it says.")] = None,
+    axes: Annotated[str | None, typer.Option(help=f"Whose axes the file follows, else as it says: {Axes}.")] = None,
     flip: Annotated[bool, typer.Option("--flip", help="The file's first row is straight down.")] = False,
+    layer: Annotated[str | None, typer.Option(help="Of an .exr with several, the layer or part to read.")] = None,
     ldr: Annotated[bool, typer.Option("--ldr", help="Take a file of 8 bits, decoded from sRGB.")] = False,
     invalid: Annotated[
         str | None, typer.Option(help="Of pixels that are negative or not finite: refuse, or clamp them.")
@@ -43,13 +44,18 @@ def light(
 ) -> None:  # fmt: skip
     """Say what a light is, draw it, and write it in another projection."""
     from glossbench.commands.picture import half_blocks, picture, write_png
-    from glossbench.envmap.files import write_exr
+    from glossbench.envmap.decoded import Covering
+    from glossbench.envmap.exr import check_exr_name, write_exr
     from glossbench.envmap.lights import light_named
-    from glossbench.envmap.projections import from_cubemap
+    from glossbench.envmap.projections import check_written, from_cubemap
 
     if output is None and (written, written_axes) != ("lat_long", "forward"):
         raise InputError("--as and --as-axes say how a file is written: name it by -o")
-    flags = {"flip_vertical": flip or None, "ldr": ldr or None}
+    form = cast("Written", SHORT.get(written, written))
+    if output is not None:
+        check_exr_name(output)
+        check_written(form, written_axes)
+    flags = {"flip_vertical": flip or None, "layer": layer, "ldr": ldr or None}
     given = {"resolution": resolution, "projection": projection, "axes": axes, "invalid": invalid, **flags}
     chosen = light_named(name, {option: value for option, value in given.items() if value is not None})
     cubemap = chosen.cubemap()
@@ -60,8 +66,8 @@ def light(
         write_png(png, picture(cubemap, 512))
         say(f"picture: {png}")
     if output is not None:
-        form = SHORT.get(written, written)
-        write_exr(output, from_cubemap(cubemap, cast("Projection", form), axes=written_axes))
+        image = from_cubemap(cubemap, form, axes=written_axes)
+        write_exr(output, image, covers=Covering(form, written_axes))
         say(f"{form}: {output}")
 
 
@@ -69,7 +75,8 @@ def told(facts: "LightFacts") -> dict[str, str]:
     """The facts of a light, each in a few words."""
     read_as, image_peak = "", ""
     if facts.projection is not None:
-        read_as = f"{facts.projection}, {facts.width} x {facts.height} pixels"
+        axes = "" if facts.axes == "forward" else f", axes {facts.axes}"
+        read_as = f"{facts.projection}{axes}, {facts.width} x {facts.height} pixels"
         image_peak = f", of a pixel {facts.image_peak:.4g}"
     return {
         "read as": read_as,

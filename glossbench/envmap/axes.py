@@ -33,7 +33,7 @@ import torch
 from torch import Tensor
 
 from glossbench.directions import stack, vec3
-from glossbench.envmap.cubemap import face_coordinates, texel_directions
+from glossbench.envmap.cubemap import face_coordinates, texel_rows
 from glossbench.errors import InputError, nearest
 
 Axes = Literal["forward", "opengl", "directx", "mitsuba", "blender", "pbrt", "nvdiffrec"]
@@ -77,8 +77,12 @@ def permutation(axes: str, projection: str) -> Tensor:
 
 def turned(faces: Tensor, matrix: Tensor) -> Tensor:
     """Faces (6, R, R, C) whose texel in direction d is the given one in direction matrix d; texels are moved whole."""
+    if torch.equal(matrix, torch.eye(3)):
+        return faces
     r = faces.shape[1]
-    d = vec3(stack(texel_directions(r)) @ matrix.T)
-    face, s, t, _ = face_coordinates(d)
-    column, row = (((c + 1) * (r / 2)).long().clamp(0, r - 1) for c in (s, t))
-    return faces[face.long(), row, column]
+    out = torch.empty_like(faces)
+    for rows, texels in texel_rows(r):
+        face, s, t, _ = face_coordinates(vec3(stack(texels) @ matrix.T))
+        column, row = (((c + 1) * (r / 2)).long().clamp(0, r - 1) for c in (s, t))
+        out[:, rows] = faces[face.long(), row, column]
+    return out

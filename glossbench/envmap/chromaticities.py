@@ -10,6 +10,7 @@ from glossbench.errors import InputError
 REC_709 = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), (0.3127, 0.3290))
 _XYZ = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
 _ROUNDING = 5e-4  # files state three decimals or more
+_ROWS = 256  # at a time: bounds the memory
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
@@ -27,6 +28,31 @@ def to_rec709(pixels: np.ndarray, chromaticities: Sequence[tuple[float, float]])
     if len(chromaticities) == 4 and np.allclose(chromaticities, REC_709, rtol=0, atol=_ROUNDING):
         return pixels
     return pixels @ matrix_to_rec709(chromaticities).T.astype(pixels.dtype)
+
+
+def in_rec709(image: np.ndarray, chromaticities: Sequence[tuple[float, float]]) -> tuple[np.ndarray, tuple[str, ...]]:
+    """An image (H, W, 3) in linear Rec. 709, and what to note of it; the image may be written to.
+
+    Where a colour that Rec. 709 does not hold gets a negative channel, this is set to 0. Chromaticities that say
+    nothing leave the image as it is.
+    """
+    stated = " ".join(f"({x:.4g}, {y:.4g})" for x, y in chromaticities)
+    n_outside = 0
+    for row in range(0, len(image), _ROWS):
+        stored = image[row : row + _ROWS]
+        try:
+            converted = to_rec709(stored, chromaticities)
+        except InputError as error:
+            return image, (f"taken as linear Rec. 709, for its {error}",)
+        if converted is stored:
+            return image, ()
+        outside = (converted < 0) & (stored >= 0).all(-1, keepdims=True)
+        n_outside += int(outside.any(-1).sum())
+        image[row : row + _ROWS] = np.where(outside, 0, converted)
+    note = f"converted to linear Rec. 709 from the chromaticities {stated}"
+    if n_outside:
+        note += f"; {n_outside} pixels have colours beyond Rec. 709, their negative channels are 0"
+    return image, (note,)
 
 
 def matrix_to_rec709(chromaticities: Sequence[tuple[float, float]]) -> np.ndarray:

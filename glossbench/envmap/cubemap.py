@@ -14,6 +14,7 @@ with +y up; forward is -z (face 5), so a vertical cross unfolds into faces witho
 Texel centres lie at half-integers: column i of R columns has s = (2 i + 1) / R - 1 in [-1, 1].
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import pi
 from typing import Self
@@ -25,6 +26,7 @@ from torch import Tensor
 from glossbench.directions import Vec3, normalize, stack
 from glossbench.errors import InputError
 
+_TEXELS = 2**20  # at a time
 _NORMALS = torch.tensor([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]).float()
 _RIGHT = torch.tensor([[0, 0, 1], [0, 0, -1], [1, 0, 0], [1, 0, 0], [-1, 0, 0], [1, 0, 0]]).float()
 _DOWN = torch.tensor([[0, -1, 0], [0, -1, 0], [0, 0, -1], [0, 0, 1], [0, -1, 0], [0, -1, 0]]).float()
@@ -66,20 +68,24 @@ class CubeMap:
 
     def mean(self) -> Tensor:
         """Mean radiance over the sphere, RGB (3,), float64."""
-        weight = texel_solid_angles(self.resolution).to(self.faces.device)[None, :, :, None]
-        return (self.faces.double() * weight).sum((0, 1, 2)) / (4 * pi)
+        weight = texel_solid_angles(self.resolution).to(self.faces.device)[:, :, None]
+        # A face at a time, for the memory.
+        return torch.stack([(face.double() * weight).sum((0, 1)) for face in self.faces]).sum(0) / (4 * pi)
 
     def irradiance(self, n: Vec3) -> Tensor:
         """E(n) = integral of L cos over the hemisphere about each n, summed over all texels; (P, 3), float64.
 
         The midpoint rule over texels, each with its exact solid angle; n are P directions.
         """
-        d = stack(texel_directions(self.resolution)).reshape(-1, 3).to(self.faces.device)
-        weighted = self.faces.double() * texel_solid_angles(self.resolution).to(d.device)[None, :, :, None]
+        solid_angle = texel_solid_angles(self.resolution).to(self.faces.device)
         normals = stack(n).reshape(-1, 3)
-        # One normal at a time: all texels times all normals may not fit.
-        cosines = [(d @ normal).clamp(min=0).double() for normal in normals]
-        return torch.stack([c @ weighted.reshape(-1, 3) for c in cosines])
+        total = normals.new_zeros(len(normals), 3, dtype=torch.float64)
+        for rows, texels in texel_rows(self.resolution):
+            d = stack(texels).reshape(-1, 3).to(self.faces.device)
+            weighted = (self.faces[:, rows].double() * solid_angle[rows, :, None]).reshape(-1, 3)
+            # One normal at a time: all texels times all normals may not fit.
+            total += torch.stack([(d @ normal).clamp(min=0).double() @ weighted for normal in normals])
+        return total
 
 
 def texel_directions(resolution: int, samples: int = 1) -> Vec3:
@@ -90,6 +96,16 @@ def texel_directions(resolution: int, samples: int = 1) -> Vec3:
     n = resolution * samples
     s = (torch.arange(n, dtype=torch.float64) * 2 + 1) / n - 1
     return face_directions(s[None, :].expand(n, n), s[:, None].expand(n, n))
+
+
+def texel_rows(resolution: int) -> Iterator[tuple[slice, Vec3]]:
+    """Rows of texels of all six faces, so many at a time that memory is bounded, with the directions (6, rows, R)."""
+    s = (torch.arange(resolution, dtype=torch.float64) * 2 + 1) / resolution - 1
+    step = max(1, _TEXELS // (6 * resolution))
+    for row in range(0, resolution, step):
+        t = s[row : row + step]
+        shape = (len(t), resolution)
+        yield slice(row, row + len(t)), face_directions(s[None, :].expand(shape), t[:, None].expand(shape))
 
 
 def face_directions(s: Tensor, t: Tensor) -> Vec3:

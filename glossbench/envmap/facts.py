@@ -26,7 +26,7 @@ class LightFacts:
         dynamic_range: peak / the luminance below which lies 1 % of the sphere that is not black; 1 of a black light.
         brightest_share: part of the total luminance in the brightest 0.1 % of the sphere, [0, 1]; 0 of a black light.
         irradiance_up, irradiance_right, irradiance_forward: integral of L cos about +y, +x, -z, RGB.
-        projection: of the image that it came from, None of a light that is no image.
+        projection, axes: of the image that it came from, None of a light that is no image.
         width, height: of that image in pixels.
         image_peak: largest luminance of its pixels; `peak` is lower where a lamp is smaller than a texel.
     """
@@ -40,21 +40,24 @@ class LightFacts:
     irradiance_right: Color
     irradiance_forward: Color
     projection: str | None = None
+    axes: str | None = None
     width: int | None = None
     height: int | None = None
     image_peak: float | None = None
 
 
-def facts(cubemap: CubeMap, projection: str | None = None, image: Tensor | None = None) -> LightFacts:
-    """The facts of a cube map, and of the image (H, W, 3) in a projection that it came from where there is one."""
-    weights = torch.tensor(LUMINANCE).double()
+def facts(
+    cubemap: CubeMap, projection: str | None = None, image: Tensor | None = None, axes: str | None = None
+) -> LightFacts:
+    """The facts of a cube map, and of the image (H, W, 3), its projection and axes, that it came from if it did."""
     resolution = cubemap.resolution
-    solid_angle = texel_solid_angles(resolution).expand(6, -1, -1).flatten()
-    luminance, order = (cubemap.faces.cpu().double() @ weights).flatten().sort(descending=True)
-    area, peak = solid_angle[order].cumsum(0), luminance[0].item()
-    flux = (luminance * solid_angle[order]).cumsum(0)
-    lit = luminance > 0
-    dim = _at(area[lit] / area[lit][-1], luminance[lit], 0.99) if peak > 0 else 1.0
+    # Single precision and arrays used again: with all of 2048 texels along an edge it is a question of gigabytes.
+    luminance, order = torch.cat([_luminance(face) for face in cubemap.faces.cpu()]).sort(descending=True)
+    share = texel_solid_angles(resolution).flatten()[order.remainder_(resolution**2)]
+    del order
+    area, flux, peak = share.cumsum(0), share.mul_(luminance).cumsum_(0), luminance[0].item()
+    n_lit = int((luminance > 0).sum())
+    dim = _at(area[:n_lit], luminance[:n_lit], 0.99 * area[n_lit - 1].item()) if peak > 0 else 1.0
     e = cubemap.irradiance(vec3(torch.tensor([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))).tolist()
     return LightFacts(
         resolution=resolution,
@@ -66,10 +69,16 @@ def facts(cubemap: CubeMap, projection: str | None = None, image: Tensor | None 
         irradiance_right=tuple(e[1]),
         irradiance_forward=tuple(e[2]),
         projection=projection,
+        axes=axes,
         width=None if image is None else image.shape[1],
         height=None if image is None else image.shape[0],
-        image_peak=None if image is None else max((rows.double() @ weights).max().item() for rows in image.split(256)),
+        image_peak=None if image is None else max(_luminance(rows).max().item() for rows in image.split(256)),
     )
+
+
+def _luminance(image: Tensor) -> Tensor:
+    """Luminance (N,) of pixels (..., 3), rounded to float32."""
+    return (image.double() @ torch.tensor(LUMINANCE).double()).float().flatten()
 
 
 def _at(x: Tensor, y: Tensor, value: float) -> float:

@@ -65,30 +65,31 @@ def _lat_long_margin(image: Tensor) -> Tensor:
     """
     height, width = image.shape[:2]
     out = image.new_empty(height + 2, width + 2, 3)
-    out[1:-1, 1:-1] = image
-    widen_near_poles(out[1:-1, 1:-1])
-    for beyond, row in ((0, 1), (-1, -2)):
-        out[beyond, 1:-1] = out[row, 1:-1].roll(width // 2, 0)
-    out[:, 0], out[:, -1] = out[:, -2], out[:, 1]
+    inner = out[1:-1, 1:-1]
+    inner.copy_(image)
+    widen_near_poles(inner)
+    out[0, 1:-1], out[-1, 1:-1] = inner[0].roll(width // 2, 0), inner[-1].roll(width // 2, 0)
+    out[:, 0], out[:, -1] = out[:, -2].clone(), out[:, 1].clone()
     return out
 
 
 def widen_near_poles(image: Tensor) -> None:
-    """Makes each pixel a tent along its row, of half width 1 / sin(theta): as wide as bilinear rows are high.
+    """Make each pixel a tent along its row, of half width 1 / sin(theta) (at 2 : 1): as wide as bilinear rows are high.
 
     Without it a lamp in one pixel near a pole falls between the directions at which the image is sampled, or on one
     of them and counts for many. The mean of a row, and so its energy, stays.
     """
     height, width = image.shape[:2]
     sin = torch.sin((torch.arange(height, dtype=torch.float64) + 0.5) / height * pi)
-    half = ((width / (2 * height) / sin - 1) / 2).round().clamp(min=0).long()
-    for near in half.nonzero()[:, 0].split(64):  # bounds the memory
-        n = half[near, None]
-        row, column = torch.arange(len(near))[:, None], torch.arange(width)[None, :] + width
+    half_widths = ((width / (2 * height) / sin - 1) / 2).round().clamp(min=0).long()
+    column = torch.arange(width)[None, :] + width
+    for near in half_widths.nonzero()[:, 0].split(64):  # rows at a time, for the memory
+        half = half_widths[near, None]
+        row = torch.arange(len(near))[:, None]
         wide = image[near].double()
         for _ in range(2):  # a box twice is a tent
             total = torch.cat([wide] * 3, dim=1).cumsum(1)
-            wide = (total[row, column + n] - total[row, column - n - 1]) / (2 * n + 1)[:, :, None]
+            wide = (total[row, column + half] - total[row, column - half - 1]) / (2 * half + 1)[:, :, None]
         # Differences of sums leave a rounding error, which must not turn black into negative.
         image[near] = wide.clamp(min=0).float()
 

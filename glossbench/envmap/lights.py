@@ -15,11 +15,12 @@ from torch import Tensor
 
 from glossbench.catalog import DATA_VARIABLE, data_folders
 from glossbench.envmap.axes import Axes
+from glossbench.envmap.covering import Covered, covered
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.facts import LightFacts, facts
 from glossbench.envmap.files import read_file
-from glossbench.envmap.projections import Projection, guess_projection, to_cubemap, unusual_shape
+from glossbench.envmap.projections import Projection, to_cubemap
 from glossbench.envmap.radiance import Invalid, fit_to_be_light
 from glossbench.errors import InputError
 from glossbench.options import Options, Resolution
@@ -48,8 +49,9 @@ class FileLight(Light):
     Attributes:
         file: path; a relative one is looked for here, beside the study and below the folder GLOSSBENCH_DATA.
         resolution: texels along the edge of a face, a power of two; by default what the image resolves.
-        projection: how the image covers the sphere; by default recognised from its shape.
-        axes: whose axis convention it follows; by default forward (-z) is in the centre (see the module axes).
+        projection: how the image covers the sphere; by default what the file says, else recognised from its shape.
+        axes: whose axis convention it follows; by default what the file says, else forward (-z) is in the centre (see
+            the module axes).
         flip_vertical: the image's first row is straight down.
         scale: factor on the radiance.
         layer: of an .exr with several, the layer or part that is the light.
@@ -61,7 +63,7 @@ class FileLight(Light):
     file: str
     resolution: Resolution | None = None
     projection: Projection | None = None
-    axes: Axes = "forward"
+    axes: Axes | None = None
     flip_vertical: bool = False
     scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     layer: str | None = None
@@ -77,25 +79,28 @@ class FileLight(Light):
             decoded.image[...] *= np.float32(self.scale)
         return decoded._replace(notes=decoded.notes + fit_to_be_light(path, decoded.image, self.invalid))
 
+    @cached_property
+    def _covered(self) -> Covered:
+        """How the image covers the sphere."""
+        return covered(self._decoded.covers, self.projection, self.axes, *self._decoded.image.shape[:2])
+
     def image(self) -> Tensor:
         """The file's radiance (H, W, 3) as stored, times `scale`."""
         return torch.from_numpy(self._decoded.image)
 
     def cubemap(self) -> CubeMap:
         """The file's radiance as a cube map, its energy kept."""
-        return to_cubemap(self.image(), self.projection, self.resolution, self.flip_vertical, self.key(), self.axes)
+        image, how = self.image(), self._covered
+        return to_cubemap(image, how.projection, self.resolution, self.flip_vertical, self.key(), how.axes)
 
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
         """What the file holds, and how it was understood."""
-        image = self.image()
         cubemap = self.cubemap() if cubemap is None else cubemap
-        return facts(cubemap, self.projection or guess_projection(*image.shape[:2]), image)
+        return facts(cubemap, self._covered.projection, self.image(), self._covered.axes)
 
     def notes(self) -> tuple[str, ...]:
         """What was changed, left out or assumed of the file's content, each with the file's name."""
-        shape = self._decoded.image.shape[:2]
-        notes = self._decoded.notes + unusual_shape(self.projection or guess_projection(*shape), *shape)
-        return tuple(f"{Path(self.file).name}: {note}" for note in notes)
+        return tuple(f"{Path(self.file).name}: {note}" for note in self._decoded.notes + self._covered.notes)
 
     def key(self) -> str:
         """Hash of the file's bytes, and the options that say how it is read."""

@@ -15,11 +15,14 @@ other programs differ by a turn of the axes (see `axes`).
     octahedral             1 : 1            (x, y) / (|x| + |y| + |z|) forward, in the square's inner diamond;
                                             backward folded over its sides, so that +z is in all four corners
     octahedral_equal_area  1 : 1            the same shape, each pixel of the same solid angle
+    openexr_cube           1 : 6            +x -x +y -y +z -z downward as OpenEXR's `envmap` has them: a right-handed
+                                            world, samples on the very edges of each face; read, not written
 
 Where two have one shape the first is meant unless the other is named.
 
 Source: octahedral, Engelhardt and Dachsbacher 2008, Cigolle et al. 2014; octahedral_equal_area, Clarberg 2008, as in
-pbrt-v4; dual_paraboloid, Heidrich and Seidel 1998 with scale 1; angular, Debevec 1998.
+pbrt-v4; dual_paraboloid, Heidrich and Seidel 1998 with scale 1; angular, Debevec 1998; openexr_cube,
+ImfEnvmap.h and ImfEnvmap.cpp.
 """
 
 from math import gcd, log2
@@ -31,10 +34,10 @@ from torch import Tensor
 from glossbench.envmap.axes import permutation, turned
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.layouts import LAYOUTS, solid_angles
-from glossbench.envmap.resampling import cube_source, halved, layout_source, resized, to_faces, to_layout
+from glossbench.envmap.resampling import cube_source, edge_source, halved, layout_source, resized, to_faces, to_layout
 from glossbench.errors import InputError, nearest
 
-Projection = Literal[
+Written = Literal[
     "lat_long",
     "angular",
     "vertical_cross",
@@ -44,6 +47,7 @@ Projection = Literal[
     "octahedral",
     "octahedral_equal_area",
 ]
+Projection = Literal[Written, "openexr_cube"]
 
 # (row, column) of the faces +x, -x, +y, -y, +z, -z, in units of a face.
 _UNFOLDED = {
@@ -51,9 +55,9 @@ _UNFOLDED = {
     "horizontal_cross": ((1, 2), (1, 0), (0, 1), (2, 1), (1, 3), (1, 1)),
     "strip": ((0, 0), (0, 1), (0, 2), (0, 3), (0, 5), (0, 4)),
 }
-# Columns and rows for each texel along the edge of a cube map.
 _NEAR = 0.1  # of width / height to 2, where an image is still taken for latitude and longitude
-_SIZE = {"vertical_cross": (3, 4), "horizontal_cross": (4, 3), "strip": (6, 1)} | {
+# Columns and rows for each texel along the edge of a cube map.
+_SIZE = {"vertical_cross": (3, 4), "horizontal_cross": (4, 3), "strip": (6, 1), "openexr_cube": (1, 6)} | {
     name: (layout.columns, layout.rows) for name, layout in LAYOUTS.items()
 }
 
@@ -61,10 +65,8 @@ _SIZE = {"vertical_cross": (3, 4), "horizontal_cross": (4, 3), "strip": (6, 1)} 
 def guess_projection(height: int, width: int) -> Projection:
     """The first projection whose shape is height x width, lat_long within 5 % of it; InputError if there is none."""
     for projection in get_args(Projection):
-        if _fits(projection, height, width):
+        if fits(projection, height, width):
             return projection
-    if abs(width - 2 * height) <= _NEAR * height and height:
-        return "lat_long"
     shapes = ", ".join(f"{_shape(name)} {name}" for name in get_args(Projection)[:5])
     raise InputError(f"no known projection is {width} x {height} (width x height); known: {shapes}")
 
@@ -108,7 +110,7 @@ def to_cubemap(
     height, width = image.shape[:2]
     projection = projection or guess_projection(height, width)
     _check_projection(projection)
-    if projection != "lat_long" and not _fits(projection, height, width):  # whose angles fill any shape
+    if projection != "lat_long" and not fits(projection, height, width):  # whose angles fill any shape
         raise InputError(f"{projection} must have width : height = {_shape(projection)}, got {width} x {height}")
     matrix = permutation(axes, projection)
     columns, rows = _SIZE[projection]
@@ -119,6 +121,9 @@ def to_cubemap(
     image = image.float().flip(0) if flip_vertical else image.float()
     if projection in _UNFOLDED:
         faces = resized(_folded(image, projection), resolution)
+    elif projection == "openexr_cube":
+        finest = max(resolution, 2 ** round(log2(resolved)))
+        faces = resized(to_faces(*edge_source(image), resolved, finest), resolution)
     else:
         layout = LAYOUTS[projection]
         while resolved > 2 * resolution:
@@ -127,9 +132,7 @@ def to_cubemap(
     return CubeMap(turned(faces, matrix), key)
 
 
-def from_cubemap(
-    cubemap: CubeMap, projection: Projection, resolution: int | None = None, axes: str = "forward"
-) -> Tensor:
+def from_cubemap(cubemap: CubeMap, projection: Written, resolution: int | None = None, axes: str = "forward") -> Tensor:
     """The image (H, W, 3) of a cube map in a projection: the inverse of `to_cubemap`, its energy kept.
 
     pixel = integral of L dw over the pixel / its solid angle, L bilinear between the texels; a cross or strip of the
@@ -144,9 +147,9 @@ def from_cubemap(
         axes: whose axis convention the image shall follow (see `axes`).
 
     Raises:
-        InputError: an unknown projection, axes that say nothing of it, or a resolution not a power of two.
+        InputError: as `check_written`, or a resolution not a power of two.
     """
-    _check_projection(projection)
+    check_written(projection, axes)
     matrix = permutation(axes, projection)
     resolution = cubemap.resolution if resolution is None else resolution
     _check_resolution(resolution)
@@ -163,7 +166,12 @@ def _shape(projection: str) -> str:
     return "6:1 or 1:6" if projection == "strip" else f"{columns}:{rows}"
 
 
-def _fits(projection: str, height: int, width: int) -> bool:
+def fits(projection: str, height: int, width: int) -> bool:
+    """Whether it is a projection, and an image of this shape is taken for it: lat_long within 5 % of 2 : 1."""
+    if projection not in _SIZE:
+        return False
+    if projection == "lat_long":
+        return height > 0 and abs(width - 2 * height) <= _NEAR * height
     columns, rows = (n // gcd(*_SIZE[projection]) for n in _SIZE[projection])
     if projection == "strip" and height > width:
         height, width = width, height
@@ -173,6 +181,14 @@ def _fits(projection: str, height: int, width: int) -> bool:
 def _check_projection(projection: str) -> None:
     if projection not in _SIZE:
         raise InputError(f"unknown projection {projection!r}{nearest(projection, _SIZE)}")
+
+
+def check_written(projection: str, axes: str) -> None:
+    """InputError for a projection that is unknown or not written, or of which the axes say nothing."""
+    _check_projection(projection)
+    if projection not in get_args(Written):
+        raise InputError(f"{projection} is read, not written; write one of {', '.join(get_args(Written))}")
+    permutation(axes, projection)
 
 
 def _check_resolution(resolution: int) -> None:

@@ -27,6 +27,17 @@ def cube_source(faces: Tensor) -> tuple[Tensor, Locate]:
     return bordered(faces).flatten(0, 1), locate
 
 
+def edge_source(image: Tensor) -> tuple[Tensor, Locate]:
+    """Faces one above the other (6 N, N, 3), whose outer samples lie on the edges of the cube."""
+    size = image.shape[1]
+
+    def locate(d: Vec3) -> tuple[Tensor, Tensor]:
+        face, s, t, _ = face_coordinates(d)
+        return (s + 1) * ((size - 1) / 2) + 0.5, (t + 1) * ((size - 1) / 2) + 0.5 + face * size
+
+    return image, locate
+
+
 def layout_source(image: Tensor, layout: Layout) -> tuple[Tensor, Locate]:
     """The image with its margin."""
     height, width = image.shape[:2]

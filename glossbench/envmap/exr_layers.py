@@ -1,0 +1,133 @@
+"""Layers of an OpenEXR image: which channels of which part are its colour."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import OpenImageIO as oiio
+
+from glossbench.errors import InputError, nearest
+
+# What programs call all of the light together, the surest name first; the layer without a name is surer than any.
+_COMBINED = ("", "combined", "rgba", "rgb", "beauty", "c", "ci", "color", "colour", "main", "final", "image", "default")
+_LEAVES = {"r": 0, "red": 0, "g": 1, "green": 1, "b": 2, "blue": 2}
+_GREY = ("y", "l", "luminance", "grey", "gray")
+_LISTED = 12  # channels and layers named in a message
+
+
+class Layer(NamedTuple):
+    """Channels that are one colour.
+
+    Attributes:
+        part: number of the part.
+        channels: of red, green and blue, or three times that of the luminance.
+        alpha: channel of its alpha, where it has one.
+        names: by which it can be asked for, the fullest first.
+        view: of a stereo image, left say; "" where there are none.
+        plain: its name without that of the view, in lower case; "" where nothing but colour is in the part.
+    """
+
+    part: int
+    channels: tuple[int, int, int]
+    alpha: int | None
+    names: tuple[str, ...]
+    view: str
+    plain: str
+
+
+def colour_layer(path: Path, parts: Sequence[oiio.ImageSpec], wanted: str | None) -> tuple[Layer, tuple[str, ...]]:
+    """The layer that is wanted, or else the one that holds all of the light, and what to note of the choice.
+
+    A layer is R, G, B (also r, g, b or red, green, blue) behind one name, or in one part; else a luminance Y. Of
+    several the one without a name, else the combined one (Combined, RGBA, beauty, ...), is all of the light; of a
+    stereo image that of its first view.
+
+    Raises:
+        InputError: no such layer, none that is colour, or several of which none is the combined one.
+    """
+    layers = _layers(parts)
+    if wanted is not None:
+        named = [layer for layer in layers if wanted in layer.names]
+        if not named:
+            known = {name for layer in layers for name in layer.names if name}
+            raise InputError(f"{path}: has no layer {wanted!r} with R, G, B{nearest(wanted, known)}")
+        if len(named) > 1:
+            raise InputError(f"{path}: layer {wanted!r} is in several parts: {_listed(x.names[0] for x in named)}")
+        return named[0], ()
+    if not layers:
+        raise InputError(f"{path}: {_no_colour([name for spec in parts for name in spec.channelnames])}")
+    first = next(iter(_views(parts[layers[0].part])), layers[0].view)
+    seen = [layer for layer in layers if layer.view == first] or layers
+    ranked = [layer for layer in seen if layer.plain in _COMBINED]
+    best = min((_COMBINED.index(layer.plain) for layer in ranked), default=0)
+    chosen = [layer for layer in ranked if _COMBINED.index(layer.plain) == best] or seen
+    if len(chosen) > 1:
+        names = _listed(layer.names[0] for layer in layers)
+        raise InputError(f"{path}: has several layers, none of which is the combined one; name one by layer: {names}")
+    notes = []
+    if len(seen) < len(layers):
+        notes.append(f"the view {seen[0].view} is read, of {_listed(dict.fromkeys(x.view for x in layers))}")
+    if len(seen) > 1 and chosen[0].plain:
+        notes.append(f"the layer {chosen[0].names[0]} is read, of {_listed(x.names[0] or 'R, G, B' for x in seen)}")
+    elif not ranked and chosen[0].names[0]:
+        notes.append(f"the layer {chosen[0].names[0]} is read, the only one of colour")
+    return chosen[0], tuple(notes)
+
+
+def _layers(parts: Sequence[oiio.ImageSpec]) -> list[Layer]:
+    """All layers of colour; where there are none, those of luminance."""
+    colour: list[Layer] = []
+    grey: list[Layer] = []
+    for part, spec in enumerate(parts):
+        title = spec.get_string_attribute("name") if len(parts) > 1 else ""
+        found: dict[str, dict[str, int]] = {}
+        for channel, name in enumerate(spec.channelnames):
+            prefix, _, leaf = name.rpartition(".")
+            found.setdefault(prefix, {}).setdefault(leaf.lower(), channel)
+        for prefix, leaves in found.items():
+            at = {_LEAVES[leaf]: channel for leaf, channel in leaves.items() if leaf in _LEAVES}
+            if len(at) == 3:
+                colour.append(_layer(spec, title, prefix, part, (at[0], at[1], at[2]), leaves))
+            # X, Y, Z is a place or a normal, and Y, RY, BY luminance with its chroma.
+            elif not at and not {"x", "ry", "by"} & set(leaves):
+                channels = [channel for leaf, channel in leaves.items() if leaf in _GREY]
+                if len(channels) == 1:
+                    grey.append(_layer(spec, title, prefix, part, (channels[0],) * 3, leaves))
+    found_layers = colour or grey
+    # Where one part alone is colour without a name, its title says nothing: it is the picture.
+    bare = [layer for layer in found_layers if "" in layer.names]
+    alone = len({layer.part for layer in bare}) == 1
+    return [layer._replace(plain="") if alone and layer in bare else layer for layer in found_layers]
+
+
+def _layer(
+    spec: oiio.ImageSpec, title: str, prefix: str, part: int, channels: tuple[int, int, int], leaves: dict[str, int]
+) -> Layer:
+    views = _views(spec)
+    words = (prefix or title).split(".")
+    # The first view's channels go without its name.
+    view = spec.get_string_attribute("view") or next((word for word in reversed(words) if word in views), "")
+    plain = ".".join(word for word in words if word != view) if view else prefix or title
+    full = f"{title}.{prefix}" if title and prefix else prefix or title
+    names = dict.fromkeys([full, prefix, *([title] if not prefix else [])])
+    alpha = leaves.get("a", leaves.get("alpha"))
+    return Layer(part, channels, alpha, tuple(names), view or next(iter(views), ""), plain.rpartition(".")[2].lower())
+
+
+def _views(spec: oiio.ImageSpec) -> list[str]:
+    """Of a stereo image in one part, the first of them that of the channels without a view's name."""
+    stated = spec.getattribute("multiView")
+    return [stated] if isinstance(stated, str) else list(stated or ())
+
+
+def _no_colour(channels: list[str]) -> str:
+    leaves = {name.rpartition(".")[2].lower() for name in channels}
+    if {"ry", "by"} & leaves:
+        return "holds luminance and chroma (Y, RY, BY), not R, G, B; convert it first"
+    return f"holds no colour: a light needs channels R, G, B or Y, its channels are {_listed(channels)}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = list(names)
+    more = f" and {len(every) - _LISTED} more" if len(every) > _LISTED else ""
+    return ", ".join(every[:_LISTED]) + more
