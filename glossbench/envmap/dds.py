@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from glossbench.envmap.decoded import Decoded
-from glossbench.envmap.refusals import check_size, damaged
+from glossbench.envmap.refusals import check_fits, check_size, damaged
 from glossbench.errors import InputError
 
 KIND = "a DDS cube map"
@@ -30,7 +30,9 @@ def read_dds(path: Path) -> Decoded:
 
     Source: Microsoft, "Programming Guide for DDS" and DDS_HEADER_DXT10.
     """
-    data = path.read_bytes()
+    n_bytes = path.stat().st_size
+    with path.open("rb") as file:
+        data = file.read(_HEADER + 20)
     if len(data) < _HEADER:
         raise damaged(path, KIND, f"{len(data)} of {_HEADER} bytes of the header are there")
     size, flags, height, width, _, _, n_levels = struct.unpack_from("<7I", data, 4)
@@ -64,8 +66,9 @@ def read_dds(path: Path) -> Decoded:
         raise damaged(path, KIND, f"{n_levels} MIP levels of {width}x{width} pixels")
     pixel = np.dtype(dtype).itemsize * channels
     face = pixel * sum(max(width >> level, 1) ** 2 for level in range(max(n_levels, 1)))
-    if len(data) - start < 6 * face:
-        raise damaged(path, KIND, f"{len(data) - start} of {6 * face} bytes of pixels are there")
-    faces = np.frombuffer(data, np.uint8, 6 * face, start).reshape(6, face)[:, : pixel * width * width]
+    if n_bytes - start < 6 * face:
+        raise damaged(path, KIND, f"{n_bytes - start} of {6 * face} bytes of pixels are there")
+    check_fits(path, width, 6 * height)
+    faces = np.fromfile(path, np.uint8, 6 * face, offset=start).reshape(6, face)[:, : pixel * width * width]
     texels = np.ascontiguousarray(faces).view(dtype).reshape(6 * width, width, channels)
     return Decoded(texels[..., :3].astype(np.float32))

@@ -14,7 +14,7 @@ from glossbench.atomic import replacing
 from glossbench.envmap.chromaticities import in_rec709
 from glossbench.envmap.decoded import Covering, Decoded
 from glossbench.envmap.exr_layers import Layer, colour_layer
-from glossbench.envmap.refusals import check_size, damaged, last_error
+from glossbench.envmap.refusals import check_fits, check_size, damaged, last_error
 from glossbench.errors import CannotWrite, InputError
 
 KIND = "an OpenEXR image"
@@ -52,6 +52,7 @@ def read_exr(path: Path, layer: str | None = None) -> Decoded:
         if spec.deep:
             raise InputError(f"{path}: a deep image has no single radiance per pixel; flatten it first")
         notes += _windows(path, spec) + _shape_of_pixels(spec)
+        check_fits(path, spec.full_width, spec.full_height)
         image, n_transparent = _whole(path, source, spec, chosen)
     finally:
         source.close()

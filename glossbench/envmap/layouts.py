@@ -74,14 +74,14 @@ def _lat_long_margin(image: Tensor) -> Tensor:
 
 
 def widen_near_poles(image: Tensor) -> None:
-    """Make each pixel a tent along its row, of half width 1 / sin(theta): as wide as bilinear rows are high.
+    """Make each pixel a tent along its row, of half width 1 / sin(theta) (at 2 : 1): as wide as bilinear rows are high.
 
     Without it a lamp in one pixel near a pole falls between the directions at which the image is sampled, or on one
     of them and counts for many. The mean of a row, and so its energy, stays.
     """
     height, width = image.shape[:2]
     sin = torch.sin((torch.arange(height, dtype=torch.float64) + 0.5) / height * pi)
-    half_widths = ((1 / sin - 1) / 2).round().long()
+    half_widths = ((width / (2 * height) / sin - 1) / 2).round().clamp(min=0).long()
     column = torch.arange(width)[None, :] + width
     for near in half_widths.nonzero()[:, 0].split(64):  # rows at a time, for the memory
         half = half_widths[near, None]

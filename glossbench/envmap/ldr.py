@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from glossbench.envmap.decoded import Decoded
-from glossbench.envmap.refusals import check_size, damaged, last_error
+from glossbench.envmap.refusals import check_fits, check_size, damaged, last_error
 from glossbench.errors import InputError
 from glossbench.srgb import decoded
 
@@ -49,6 +49,7 @@ def read_ldr(path: Path, ldr: bool) -> Decoded:
         if spec.width * spec.height > _PIXELS_A_BYTE * n_bytes:
             raise damaged(path, kind, f"{n_bytes} bytes cannot hold {spec.width} x {spec.height} pixels")
         _check_coding(path, spec, ldr)
+        check_fits(path, spec.width, spec.height)
         pixels = source.read_image(spec.format if spec.format.basetype in _INTEGERS else oiio.FLOAT)
         if pixels is None or source.has_error:
             raise damaged(path, kind, last_error(source.geterror))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from glossbench.envmap.decoded import Decoded
-from glossbench.envmap.refusals import check_size, damaged
+from glossbench.envmap.refusals import check_fits, check_size, damaged
 
 KIND = "a portable float map"
 # The one white space after the scale ends the header: what follows may be a byte of pixels that looks like another.
@@ -25,10 +25,11 @@ def read_pfm(path: Path) -> Decoded:
 
     Source: the manual of Netpbm, pfm(5). Photoshop's files, top row first, need flip_vertical.
     """
-    data = path.read_bytes()
-    match = _HEADER.match(data, 0, 128)
+    with path.open("rb") as file:
+        head = file.read(128)
+    match = _HEADER.match(head)
     if not match:
-        raise damaged(path, KIND, f"no header such as 'PF 1024 512 -1.0', got {data[:40]!r}")
+        raise damaged(path, KIND, f"no header such as 'PF 1024 512 -1.0', got {head[:40]!r}")
     channels, width, height = (3 if match[1] == b"PF" else 1), int(match[2]), int(match[3])
     check_size(path, KIND, width, height)
     try:
@@ -37,9 +38,10 @@ def read_pfm(path: Path) -> Decoded:
         scale = 0.0
     if scale == 0 or not isfinite(scale):
         raise damaged(path, KIND, f"its scale must be a number other than 0, got {match[4].decode()}")
-    wanted, there = height * width * channels * 4, len(data) - match.end()
+    wanted, there = height * width * channels * 4, path.stat().st_size - match.end()
     if there < wanted:
         raise damaged(path, KIND, f"{there} of {wanted} bytes of pixels are there")
-    stored = np.frombuffer(data, "<f4" if scale < 0 else ">f4", height * width * channels, match.end())
-    image = stored.reshape(height, width, channels)[::-1] * np.float32(abs(scale))
-    return Decoded(image.astype(np.float32).repeat(3 // channels, axis=2))
+    check_fits(path, width, height)
+    stored = np.fromfile(path, "<f4" if scale < 0 else ">f4", height * width * channels, offset=match.end())
+    image = np.multiply(stored.reshape(height, width, channels)[::-1], abs(scale), dtype=np.float32)
+    return Decoded(image.repeat(3, axis=2) if channels == 1 else image)

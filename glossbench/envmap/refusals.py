@@ -4,8 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from glossbench.errors import InputError
+from glossbench.memory import check_memory
 
 MAX_PIXELS = 2**28  # 3 GB as float32 RGB: a larger header is damaged, not ambitious
+_BYTES_A_PIXEL = 100  # as a light: decoded 12 and 16, resampled 36, and a texel and a half of its cube map
 
 
 def damaged(path: Path, kind: str, reason: str) -> InputError:
@@ -21,6 +23,11 @@ def check_size(path: Path, kind: str, width: int, height: int) -> None:
         raise damaged(path, kind, f"it must have at least 1x1 pixels, its header claims {width}x{height}")
     if width * height > MAX_PIXELS:
         raise InputError(f"{path}: must have at most {MAX_PIXELS} pixels, its header claims {width} x {height}")
+
+
+def check_fits(path: Path, width: int, height: int) -> None:
+    """InputError for an image that is whole, but does not fit into memory as a light."""
+    check_memory(f"{path}: an image of {width} x {height} pixels", _BYTES_A_PIXEL * width * height)
 
 
 def last_error(report: Callable[[], str]) -> str:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glossbench.envmap.refusals import damaged
+from glossbench.envmap.refusals import check_fits, damaged
 
 _SCALE = np.ldexp(np.float32(1), np.arange(256) - 136)  # of a mantissa, by exponent
 _SCALE[0] = 0
@@ -25,6 +25,7 @@ def read_pixels(path: Path, kind: str, start: int, n_lines: int, n_pixels: int) 
     if n_bytes < 4 * n_lines:
         claimed = f"the {n_lines} x {n_pixels} pixels that its header claims"
         raise damaged(path, kind, f"too few bytes for {claimed}: {max(n_bytes, 0)}")
+    check_fits(path, n_pixels, n_lines)
     with path.open("rb") as file:
         file.seek(start)
         data = file.read(n_lines * (8 * n_pixels + 4))  # all that the longest coding takes

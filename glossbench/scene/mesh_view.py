@@ -15,7 +15,7 @@ from glossbench.errors import InputError
 from glossbench.scene.camera import framing
 from glossbench.scene.mesh import Mesh
 from glossbench.scene.mesh_files import meaning_of, mesh_named
-from glossbench.scene.points import VIEWS, ShadingPoints, View
+from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
 
 # n . wo of a shading normal that interpolation has turned away from the viewer: below it materials are all but mirrors.
 LEAST_COSINE = 0.01
@@ -60,6 +60,10 @@ class MeshView(View):
     azimuth: Annotated[float, Field(ge=-360, le=360)] = 30.0
     elevation: Annotated[float, Field(ge=-90, le=90)] = 30.0
     zoom: Annotated[float, Field(ge=0.01, le=1000)] = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_pixels(self, self.resolution, self.width or self.resolution)
 
     def mask(self) -> Tensor:
         """True (H, W) where a ray through the pixel's centre hits the mesh."""

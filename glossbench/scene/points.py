@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from glossbench.directions import Vec3, to_local
+from glossbench.memory import check_memory
 from glossbench.options import Options
 from glossbench.registry import Registry
 
@@ -83,6 +84,12 @@ class View(Options):
     def recorded(self, radiance: Tensor) -> Tensor:
         """What metrics compare of an image's or a reference's radiance; by default all of it."""
         return radiance
+
+
+def check_pixels(view: View, height: int, width: int) -> None:
+    """InputError where the points, images and references of so many pixels do not fit into memory."""
+    # Measured 120 (sphere) to 230 (mesh) while points are made; then an image, a reference and its replicates.
+    check_memory(f"{view.name}: a view of {width} x {height} pixels", 400 * height * width)
 
 
 VIEWS: Registry[View] = Registry("view", "glossbench.scene", "glossbench.views")

@@ -8,7 +8,7 @@ from pydantic import Field
 from torch import Tensor
 
 from glossbench.directions import Vec3, cross, normalize
-from glossbench.scene.points import VIEWS, ShadingPoints, View
+from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,10 @@ class Sphere(View):
     resolution: Annotated[int, Field(ge=1, le=8192)] = 256
     width: Annotated[int, Field(ge=1, le=8192)] | None = None
     coverage: Annotated[float, Field(gt=0, le=1)] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_pixels(self, self.resolution, self.width or self.resolution)
 
     def _grid(self) -> tuple[Tensor, Tensor]:
         """x to the right and y up of every pixel's centre (H, W), in radii."""

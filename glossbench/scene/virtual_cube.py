@@ -7,7 +7,7 @@ from pydantic import Field
 from torch import Tensor
 
 from glossbench.lighting_function import pair_points, valid_pairs
-from glossbench.scene.points import VIEWS, ShadingPoints, View
+from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
 from glossbench.scene.sphere import UnitSphere
 
 
@@ -29,6 +29,10 @@ class VirtualCube(View):
     edge: Annotated[int, Field(ge=2, le=24)] = 16
     every: Annotated[int, Field(ge=1)] = 1
     ceiling: Annotated[float, Field(ge=0)] = 4.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_pixels(self, 6 * self.edge**2, 6 * self.edge**2)
 
     def _pairs(self) -> Tensor:
         return valid_pairs(self.edge)[:: self.every]

@@ -1,0 +1,77 @@
+"""Memory: how much this process may still take, so that what would not fit is refused before it is allocated."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from glossbench.errors import InputError
+
+_ALWAYS_FITS = 2**30  # bytes: not worth asking the system
+_CGROUPS = Path("/sys/fs/cgroup")
+
+
+def check_memory(what: str, n_bytes: int) -> None:
+    """InputError where something needs more memory than there is: what it is, what it needs, what there is."""
+    if n_bytes <= _ALWAYS_FITS:
+        return
+    there = available()
+    if there is not None and n_bytes > there:
+        needs = f"needs about {n_bytes / 1e9:.1f} GB of memory, {max(there, 0) / 1e9:.1f} GB are available"
+        raise InputError(f"{what} {needs}")
+
+
+def available() -> int | None:
+    """Bytes that this process may still take; None where the system does not say.
+
+    The least of what the machine has free or can free, of what the control groups leave (containers, batch systems)
+    and of what the limit on the address space leaves (ulimit -v).
+    """
+    return min((*_of_machine(), *_of_groups(), *_of_address_space()), default=None)
+
+
+def _of_machine() -> Iterator[int]:
+    lines = _lines(Path("/proc/meminfo"))
+    yield from (1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
+    if not lines and "SC_PHYS_PAGES" in getattr(os, "sysconf_names", ()):
+        yield os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def _of_groups() -> Iterator[int]:
+    """What each group leaves that this process is in, by version 2 and 1 of control groups."""
+    for line in _lines(Path("/proc/self/cgroup")):
+        _, controllers, path = line.split(":", 2)
+        if controllers not in ("", "memory"):
+            continue
+        root = _CGROUPS / controllers
+        names = ("memory.max", "memory.current") if not controllers else (
+            "memory.limit_in_bytes", "memory.usage_in_bytes")  # fmt: skip
+        group = root / path.lstrip("/")
+        for folder in (group, *group.parents):
+            if folder.is_relative_to(root):
+                limit, used = ([*_lines(folder / name), ""][0] for name in names)
+                if limit.isdigit() and used.isdigit():
+                    cached = sum(
+                        int(each.split()[1])
+                        for each in _lines(folder / "memory.stat")
+                        if each.split()[0] == "inactive_file"
+                    )
+                    yield int(limit) - int(used) + cached
+
+
+def _of_address_space() -> Iterator[int]:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    pages = _lines(Path("/proc/self/statm"))
+    if limit != resource.RLIM_INFINITY:
+        yield limit - (int(pages[0].split()[0]) * resource.getpagesize() if pages else 0)
+
+
+def _lines(path: Path) -> list[str]:
+    """Lines of a file of the system; none where it is not there."""
+    try:
+        return path.read_text().splitlines()
+    except OSError:
+        return []
