@@ -74,7 +74,7 @@ def run_study(
         fail_fast: raise what a cell raises, instead of keeping its traceback as the cell's result.
 
     Raises:
-        InputError: no such device, a light cannot be read, or the folder cannot be written; then nothing is.
+        InputError: no such device, a file cannot be read, or the folder cannot be written; then nothing is.
     """
     if study.device == "cuda" and not torch.cuda.is_available():
         raise InputError("the study wants device: cuda, but there is none here; say device: cpu")
@@ -84,6 +84,9 @@ def run_study(
     progress.doing("lights")
     for item in study.lights:  # an image that cannot be read must stop the run before it writes
         lights.get(item)
+    for registry, items in ((MATERIALS, study.materials), (VIEWS, study.views)):  # and other files alike
+        for item in items:
+            registry.create(item.name, item.options).open_files()
     results = Results(folder)
     results.create()
     started = datetime.now(UTC)

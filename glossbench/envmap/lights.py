@@ -60,6 +60,17 @@ class FileLight(Light):
     layer: str | None = None
     ldr: bool = False
 
+    @classmethod
+    def file_of(cls, option: str, value: str) -> str | None:
+        """The image."""
+        return "image file" if option == "file" else None
+
+    def open_files(self) -> None:
+        """The image, and whether its shape says how it covers the sphere."""
+        image = self.image()
+        if self.projection is None:
+            guess_projection(*image.shape[:2])
+
     def image(self) -> Tensor:
         """The file's radiance (H, W, 3) as stored, times `scale`."""
         return read_image(locate(self.file), self.layer, self.ldr) * self.scale
