@@ -7,20 +7,18 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from glossbench.brdf.measured_file import FORMATS, material_or_file
+from glossbench.brdf.measured_file import material_or_file
 from glossbench.envmap.lights import file_or_name, locate
 from glossbench.errors import InputError, nearest
 from glossbench.items import Item, MethodItem, Tune
 from glossbench.metrics import METRICS
 from glossbench.options import Options, check, option_names, schema_of
-from glossbench.scene.mesh_files import READERS
 from glossbench.scene.mesh_view import view_or_file
-from glossbench.schema import REGISTRIES, TuneKeys
+from glossbench.schema import ENDINGS, REGISTRIES, TuneKeys
 from glossbench.yaml_marks import Document, KeyPath, path_text
 
 # Of each kind that may be a file's bare name: what a word means.
 WORDS = {"light": file_or_name, "material": material_or_file, "view": view_or_file}
-ENDINGS = {"material": (*FORMATS, ".fit"), "view": tuple(READERS)}
 
 
 class Axis(NamedTuple):
@@ -222,7 +220,7 @@ def _unknown(kind: str, name: str, stated: Any) -> str:
         meant, option = WORDS[kind](stated)
         if option:
             return f"{REGISTRIES[kind].unknown(name).partition(';')[0]}; write {stated}, or {meant}: {_flow(option)}"
-    if kind in ENDINGS and Path(name).suffix:
+    if ENDINGS.get(kind) and Path(name).suffix:
         return f"unknown {kind} {name!r}; a file that is a {kind} ends in {', '.join(ENDINGS[kind])}"
     return REGISTRIES[kind].unknown(name)
 

@@ -6,9 +6,11 @@ import pytest
 from typer.testing import CliRunner
 
 import glossbench as gb
+from glossbench import runner
 from glossbench.brdf.measured import cornell
 from glossbench.cli import app
 from glossbench.errors import InputError
+from glossbench.ground_truth import compute_reference
 from glossbench.runner import run_study
 from glossbench.study import load_study
 
@@ -188,3 +190,20 @@ def test_a_long_text_is_no_measurement(here, monkeypatch):
 
     with pytest.raises(InputError, match=r"goniometer\.brdf: \d+ bytes, more than the 100 of any goniometer file"):
         gb.material(str(here / "goniometer.brdf")).open_files()
+
+
+def test_a_file_replaced_while_its_cell_is_measured_fails_the_cell_and_leaves_no_reference(here, monkeypatch):
+    loaded = load_study(study(here, view="{cube.obj: {resolution: 4}}"))
+
+    def replacing(*arguments):
+        (here / "cube.obj").write_text(CUBE.replace("v 0 0 1", "v 0 0 2"))
+        return compute_reference(*arguments)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(runner, "compute_reference", replacing)
+        results = run_study(loaded, Path("results"))
+
+    assert "a file of the material or the view changed while the study ran" in results.cells["reason"].iloc[0]
+    assert not list(Path("results/references").glob("*.json"))
+    again = run_study(load_study(study(here, view="{cube.obj: {resolution: 4}}")), Path("results"))
+    assert again.cells["status"].tolist() == ["done"]
