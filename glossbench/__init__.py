@@ -83,17 +83,21 @@ def light(name: str, **options: Any) -> "CubeMap":
 
 
 def material(name: str, **options: Any) -> "Material":
-    """A material by name and options."""
+    """A material by name and options, or of a file: a measurement (.brdf, .binary, .bsdf) or a table of fits (.fit)."""
     from glossbench.brdf.material import MATERIALS
+    from glossbench.brdf.measured_file import material_or_file
 
-    return MATERIALS.create(name, options)
+    name, stated = material_or_file(name)
+    return MATERIALS.create(name, {**stated, **options})
 
 
 def view(name: str, **options: Any) -> "View":
-    """A view by name and options."""
+    """A view by name and options, or of a mesh file."""
+    from glossbench.scene.mesh_view import view_or_file
     from glossbench.scene.points import VIEWS
 
-    return VIEWS.create(name, options)
+    name, stated = view_or_file(name)
+    return VIEWS.create(name, {**stated, **options})
 
 
 def method(name: str, **options: Any) -> "Method":

@@ -164,7 +164,7 @@ def validate(study: StudyArgument) -> None:
     """Check a study without running it."""
     from glossbench.study import load_study
 
-    loaded = load_study(study)
+    loaded = load_study(study, open_files=True)
     cells = loaded.cells()
     counts = [_counted(len({getattr(cell, kind) for cell in cells}), kind) for kind in ("light", "material", "view")]
     counts += [_counted(len(cells), "cell"), _counted(len(loaded.claims), "claim")]

@@ -18,7 +18,7 @@ from glossbench.contract_checks import (
     one_line,
 )
 from glossbench.errors import InputError, nearest
-from glossbench.plugins import import_plugin
+from glossbench.plugins import NoSuchModule, import_plugin
 from glossbench.shading import METHODS, Method
 
 CHECKS: tuple[Callable[..., Outcome], ...] = (
@@ -61,10 +61,12 @@ def _methods_of(name: str) -> list[Method]:
         return [as_checked(name)]
     try:
         import_plugin(name)
+    except NoSuchModule as error:
+        where = f": {error}" if "." in name else nearest(name, METHODS.names())
+        raise InputError(f"unknown method {name!r}, nor a module{where}") from None
     except Exception as error:  # a plug-in is anyone's code
-        if isinstance(error, ModuleNotFoundError) and error.name == name.split(".")[0]:
-            raise InputError(f"unknown method {name!r}, nor a module{nearest(name, METHODS.names())}") from None
-        raise InputError(f"module {name!r}: {one_line(error)}") from error
+        told = str(error) if isinstance(error, InputError) else one_line(error)
+        raise InputError(f"module {name!r}: {told}") from error
     classes = [METHODS.get(n) for n in METHODS.names()]
     own = [as_checked(cls.name) for cls in classes if cls.__module__ == name]
     if not own:

@@ -76,6 +76,17 @@ class Options:
         """Text that changes whenever what the options mean may change: of a file, its bytes rather than its name."""
         return f"{self.name}:{json.dumps(self.as_dict(), sort_keys=True)}"
 
+    @classmethod
+    def file_of(cls, option: str, value: str) -> str | None:
+        """What kind of file a value of an option names ("image file"); None where it names none.
+
+        A study looks for such a file beside itself, too, and `validate` opens it.
+        """
+        return None
+
+    def open_files(self) -> None:
+        """Read what these options name; InputError for a file that cannot be read, or does not hold what it should."""
+
     def notes(self) -> tuple[str, ...]:
         """What whoever reads its numbers must know, a sentence each: what a file had repaired, how good a fit is."""
         return ()

@@ -13,6 +13,10 @@ from glossbench.import_closure import hash_of, is_installed, local_files
 SOURCE = "__source_hash__"  # of a loaded plug-in: what its files were then
 
 
+class NoSuchModule(InputError):
+    """A name that no folder nor installed distribution has a module of."""
+
+
 def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
     """A module by its dotted name: one of a folder, such as the study's, else of the working folder, else installed.
 
@@ -20,8 +24,8 @@ def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
     changed is loaded again, and so is what another study of this process has under the same names from elsewhere.
 
     Raises:
-        InputError: no such module, or one of these folders with the name of a module of Python, or of an installed one
-            that is loaded already.
+        NoSuchModule: with where it was looked for.
+        InputError: a file of these folders has the name of a module of Python, or of an installed one that is loaded.
     """
     places = list(dict.fromkeys([*([folder] if folder else []), Path.cwd()]))
     _put_on_path(places)
@@ -38,7 +42,7 @@ def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
         told = (
             f"not in {where}, nor installed" if spec is None else f"{top} is {spec.origin}, which has none of this name"
         )
-        raise InputError(f"no such module: {told}") from None
+        raise NoSuchModule(f"no such module: {told}") from None
 
 
 def origin(name: str) -> str:

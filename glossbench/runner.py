@@ -77,7 +77,7 @@ def run_study(
         fail_fast: raise what a cell raises, instead of keeping its traceback as the cell's result.
 
     Raises:
-        InputError: no such device, a light cannot be read, or the folder cannot be written or holds what would be
+        InputError: no such device, a file cannot be read, or the folder cannot be written or holds what would be
             lost; then nothing is written. CannotWrite: a full disk, say; the cells that are done are kept.
     """
     if study.device == "cuda" and not torch.cuda.is_available():
@@ -88,6 +88,9 @@ def run_study(
     progress.doing("lights")
     for item in study.lights:  # an image that cannot be read must stop the run before it writes
         lights.get(item)
+    for registry, items in ((MATERIALS, study.materials), (VIEWS, study.views)):  # and other files alike
+        for item in items:
+            registry.create(item.name, item.options).open_files()
     results = Results(folder)
     _check_own_study(study, results)
     started = datetime.now(UTC)
@@ -178,11 +181,7 @@ class _Executor:
 
     def identity(self, cell: Cell) -> dict[str, Any]:
         """The row of a cell under its keys, with nothing measured yet."""
-        light = [self.lights.key(cell.light), self._source(LIGHTS.get(cell.light.name))]
-        reference_key = key_of(
-            [self._code, light, self._stated(MATERIALS, cell.material), self._stated(VIEWS, cell.view),
-             self.study.reference.model_dump(), self.study.device]
-        )  # fmt: skip
+        reference_key = self._reference_key(cell)
         metrics = [[name, self._source(METRICS.get(name))] for name in self.study.metrics]
         key = key_of([reference_key, self._stated(METHODS, cell.method), metrics])
         return self._identity(cell, key, reference_key)
@@ -215,6 +214,18 @@ class _Executor:
             image, half_vectors = None, None
         self.results.add_cell(row, image, half_vectors)
         return row
+
+    def _reference_key(self, cell: Cell) -> str:
+        light = [self.lights.key(cell.light), self._source(LIGHTS.get(cell.light.name))]
+        return key_of(
+            [self._code, light, self._stated(MATERIALS, cell.material), self._stated(VIEWS, cell.view),
+             self.study.reference.model_dump(), self.study.device]
+        )  # fmt: skip
+
+    def _require_same_files(self, cell: Cell, reference_key: str) -> None:
+        """InputError where a file was replaced since its key was taken: numbers of it would be kept under that key."""
+        if self._reference_key(cell) != reference_key:
+            raise InputError("a file of the material or the view changed while the study ran; run it again")
 
     def _stated(self, registry: Registry[Any], item: Item) -> list[Any]:
         """All that makes an item what it is: name, options as stated and what they mean, and its class's source."""
@@ -295,6 +306,7 @@ class _Executor:
             columns, image, half_vectors = measure(
                 method, cell.method.tune, self.study.metrics, self._stages, light, material, view, truth
             )
+        self._require_same_files(cell, row["reference_key"])
         if not self.lights.is_intact():
             raise MethodError(f"{method.name} writes into the light, which others read")
         columns |= {
@@ -330,6 +342,7 @@ class _Executor:
                 light, material, view, options.relative_error, options.max_samples, options.seed, tell,
                 self.results.folder / "references" if self.use_cache else None,
             )  # fmt: skip
+            self._require_same_files(cell, key)
             self.results.add_reference(key, truth, time.perf_counter() - started)
             self._whole.add(key)
         stored = Reference(

@@ -1,15 +1,18 @@
 """What a study may say: its keys with their types and bounds, and all of it as JSON Schema for editors."""
 
+import re
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from glossbench.brdf.material import MATERIALS
+from glossbench.brdf.measured_file import FORMATS
 from glossbench.claims import KINDS, Name, Names
 from glossbench.envmap.lights import LIGHTS
 from glossbench.ground_truth import FIRST_SAMPLES, N_REPLICATES
 from glossbench.options import Finite, Options, Seed, json_schema
 from glossbench.registry import Registry
+from glossbench.scene.mesh_files import READERS
 from glossbench.scene.points import VIEWS
 from glossbench.shading import METHODS
 
@@ -19,6 +22,8 @@ REGISTRIES: dict[str, Registry[Any]] = {
     "view": VIEWS,
     "methods": METHODS,
 }
+# Of each kind that may be a file's bare name: how such files end; an image's ending says only that it is one.
+ENDINGS = {"light": (), "material": (*FORMATS, ".fit"), "view": tuple(READERS)}
 MAX_ENTRIES = 1000  # of claims and exclude: each is compared with every cell
 
 
@@ -106,7 +111,7 @@ def _hoisted(stated: Any, definitions: dict[str, Any]) -> Any:
 
 
 def _item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
-    """A name, or one name with options; a light may be a file."""
+    """A name, or one name with options; a light, material or view may be a file."""
     options = {name: _options_schema(registry.get(name), kind == "methods") for name in registry.names()}
     named = {name: {"anyOf": [of_name, {"type": "null"}]} for name, of_name in options.items()}
     one = {
@@ -116,9 +121,13 @@ def _item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
         "minProperties": 1,
         "maxProperties": 1,
     }
+    if kind in ENDINGS:
+        file = f"({'|'.join(map(re.escape, ENDINGS[kind]))})$" if ENDINGS[kind] else r"\.\w+$"
+        one["patternProperties"] = {file: {"type": ["object", "null"]}}
     if kind == "light":
         return {"anyOf": [{"type": "string"}, {**options["file"], "required": ["file"]}, one]}
-    return {"anyOf": [{"enum": registry.names()}, one]}
+    bare = [{"type": "string", "pattern": file}] if kind in ENDINGS else []
+    return {"anyOf": [{"enum": registry.names()}, one, *bare]}
 
 
 def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:

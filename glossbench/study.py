@@ -118,11 +118,12 @@ class Study:
         }  # fmt: skip
 
 
-def load_study(name_or_path: str | Path, light: str | None = None) -> Study:
+def load_study(name_or_path: str | Path, light: str | None = None, open_files: bool = False) -> Study:
     """The study at a path that ends in .yaml, or the installed study of a name.
 
     Args:
         light: takes the place of the study's lights: an image file, or a light's name.
+        open_files: read all files that it names, too: images, meshes, measurements.
 
     Raises:
         InputError: the study cannot be read, or is wrong; one line that begins with FILE:LINE:COLUMN.
@@ -149,6 +150,9 @@ def load_study(name_or_path: str | Path, light: str | None = None) -> Study:
     n_cells = math.prod(sum(form.n_variants() for form in of_kind) for of_kind in forms.values())
     if n_cells > MAX_CELLS:
         raise document.error(("methods",), f"the study has {n_cells} cells, more than {MAX_CELLS}", at_key=True)
+    if open_files:
+        for form in (form for of_kind in forms.values() for form in of_kind):
+            form.open_files()
     for i, metric in enumerate(model.metrics):
         if metric not in METRICS.names():
             raise document.error(

@@ -7,16 +7,18 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from glossbench.brdf.measured_file import Measured
-from glossbench.envmap.lights import FileLight, file_or_name, locate
+from glossbench.brdf.measured_file import material_or_file
+from glossbench.envmap.lights import file_or_name, locate
 from glossbench.errors import InputError, nearest
 from glossbench.items import Item, MethodItem, Tune
 from glossbench.metrics import METRICS
 from glossbench.options import Options, check, option_names, schema_of
-from glossbench.schema import REGISTRIES, TuneKeys
+from glossbench.scene.mesh_view import view_or_file
+from glossbench.schema import ENDINGS, REGISTRIES, TuneKeys
 from glossbench.yaml_marks import Document, KeyPath, path_text
 
-FILES: dict[type[Options], str] = {FileLight: "image file", Measured: "BRDF file"}  # whose option `file` is a path
+# Of each kind that may be a file's bare name: what a word means.
+WORDS = {"light": file_or_name, "material": material_or_file, "view": view_or_file}
 
 
 class Axis(NamedTuple):
@@ -30,7 +32,7 @@ class Form:
     """An item as the file states it: a class, the axes of its sweeps, a tuned option.
 
     Args:
-        folder: of the study; the file of a light may lie there.
+        folder: of the study; files that it names may lie there.
         seed: of the study; an option `seed` of a method that states none takes it.
     """
 
@@ -38,12 +40,16 @@ class Form:
         self._document, self._kind, self._folder = document, kind, folder
         name, stated, self.path, at = self._named(path, value)
         if name not in REGISTRIES[kind].names():
-            raise document.error(at, f"{path_text(path)}: {REGISTRIES[kind].unknown(name)}", at_key=at != path)
+            text = f"{path_text(path)}: {_unknown(kind, name, stated)}"
+            raise document.error(at, text, at_key=at != path)
         self.cls: type[Options] = REGISTRIES[kind].get(name)
         self.tune: Tune | None = None
         self.axes: list[Axis] = []
         if not isinstance(stated, dict):
-            raise document.error(at, f"{path_text(at)}: options must be a mapping, got {stated!r}")
+            of_file = [option for option in option_names(self.cls) if self.cls.file_of(option, str(stated))]
+            hint = "".join(f"; write {name}: {_flow({option: stated})}" for option in of_file[:1])
+            raise document.error(at, f"{path_text(at)}: options must be a mapping, got {stated!r}{hint}")
+        self._stated = stated
         for option, given in stated.items():
             self._add(option, given)
         options = [option for axis in self.axes for option in axis.options]
@@ -76,10 +82,32 @@ class Form:
             else:
                 yield Item(self.cls.name, complete)
 
+    def open_files(self) -> None:
+        """Read all files that the items name.
+
+        Raises:
+            InputError: at what names a file that cannot be read, or does not hold what it should.
+        """
+        for item in self.variants():
+            files = [o for o, v in item.options.items() if isinstance(v, str) and self.cls.file_of(o, v)]
+            for option in files[:1]:
+                try:
+                    self.cls.create(item.options).open_files()
+                except InputError as error:
+                    path = self._place(option, item.options[option])
+                    raise self._document.error(path, f"{path_text(path)}: {error}") from error
+
+    def _place(self, option: str, file: str) -> KeyPath:
+        """Where the study names a file."""
+        given = self._stated.get(option)
+        listed = given if isinstance(given, list) else []
+        at = [i for i, each in enumerate(listed) if isinstance(each, str) and file.endswith(each)]
+        return (*self.path, option, *at[:1])
+
     def _named(self, path: KeyPath, value: Any) -> tuple[str, Any, KeyPath, KeyPath]:
         """Name, options, the path of the options, and the path of the name."""
         if isinstance(value, str):
-            name, options = file_or_name(value) if self._kind == "light" else (value, {})
+            name, options = WORDS[self._kind](value) if self._kind in WORDS else (value, {})
             return name, options, path, path
         if isinstance(value, dict) and self._kind == "light" and "file" in value:
             if len(value) > 1 or not isinstance(value["file"], dict | None):
@@ -89,7 +117,11 @@ class Form:
             text = f"{path_text(path)} must be a name, or one name with its options below it, got {got}"
             raise self._document.error(path, text)
         [(name, options)] = value.items()
-        return name, {} if options is None else options, (*path, name), (*path, name)
+        options = {} if options is None else options
+        meant, more = WORDS[self._kind](name) if self._kind in WORDS else (name, {})
+        if more and isinstance(options, dict):
+            name, options = meant, {**more, **options}
+        return name, options, (*path, next(iter(value))), (*path, next(iter(value)))
 
     def _add(self, option: str, given: Any) -> None:
         path = (*self.path, option)
@@ -125,10 +157,11 @@ class Form:
         except InputError as error:
             rule = str(error).removeprefix(f"{self.cls.name}.{option}")
             raise self._document.error(path, f"{path_text(path)}{rule}") from error
-        if self.cls not in FILES or option != "file":
+        kind = self.cls.file_of(option, value) if isinstance(value, str) else None
+        if kind is None:
             return value
         try:
-            found = locate(value, self._folder, FILES[self.cls])
+            found = locate(value, self._folder, kind)
         except InputError as error:
             raise self._document.error(path, f"{path_text(path)}: {error}") from error
         return str(found) if found == self._folder / value else value
@@ -179,6 +212,21 @@ class Form:
         if option not in known:
             text = f"{path_text(path[:-1])}: unknown option {option!r}{nearest(option, known)}"
             raise self._document.error(path, text, at_key=True)
+
+
+def _unknown(kind: str, name: str, stated: Any) -> str:
+    """What to say of a name that is none of a kind: how a file is written, how files of the kind end, or a name."""
+    if isinstance(stated, str) and kind in WORDS:
+        meant, option = WORDS[kind](stated)
+        if option:
+            return f"{REGISTRIES[kind].unknown(name).partition(';')[0]}; write {stated}, or {meant}: {_flow(option)}"
+    if ENDINGS.get(kind) and Path(name).suffix:
+        return f"unknown {kind} {name!r}; a file that is a {kind} ends in {', '.join(ENDINGS[kind])}"
+    return REGISTRIES[kind].unknown(name)
+
+
+def _flow(options: dict[str, Any]) -> str:
+    return f"{{{', '.join(f'{key}: {value}' for key, value in options.items())}}}"
 
 
 def _bounds(cls: type[Options], option: str) -> list[float] | None:

@@ -111,7 +111,9 @@ def test_a_material_is_made_by_name_and_its_nearest_name_is_offered(shared_data,
     assert chrome.key() != MATERIALS.create("ngan", {"material": "brass", "model": "ward"}).key()
     with pytest.raises(InputError, match=r"the tables have no 'chrom'; did you mean 'chrome'\?"):
         MATERIALS.create("ngan", {"material": "chrom"})
-    with pytest.raises(InputError, match=r"ngan\.model must be 'cook_torrance', 'ward' or 'lafortune', got 'phong'"):
+    with pytest.raises(
+        InputError, match=r"ngan\.model must be 'cook_torrance', 'ward', 'ward_duer' or 'lafortune', got 'phong'"
+    ):
         MATERIALS.create("ngan", {"material": "chrome", "model": "phong"})
 
 
@@ -143,3 +145,83 @@ def test_bytes_are_refused(tmp_path):
 
     with pytest.raises(InputError, match="no table of fits: holds more than plain text"):
         fits(path, "ward")
+
+
+# Files of one's own.
+
+OWN = (
+    "# Any of the models, each with its own numbers.\n\n"
+    "brass  =  AggregateBsdf(Lambertian(albedo = [0.05, 0.03, 0.01]), "
+    "NganWardDuer(albedo = [0.07, 0.03, 0.01], roughness = 0.25))\n"
+    "tin = Aggregate(Lambertian(albedo = [0.0, 2.5e-05, 0.0]), "
+    "NganCookTorrance(albedo = [0.1, 0.1, 0.1], roughness = 0.3, eta = 0.5))\n"
+)
+
+
+@pytest.fixture
+def own(tmp_path):
+    path = tmp_path / "own.fit"
+    path.write_text(OWN)
+    return path
+
+
+def test_a_table_of_ward_duer_has_its_normalisation(own):
+    """f along the normal and at 60 degrees of both sides, by hand: 1 / (4 pi m^2 cos_i cos_o)."""
+    fit = MATERIALS.create("ngan", {"file": str(own), "material": "brass"})
+    wo, wi = vectors([direction(pi / 3, 0.0)]), vectors([direction(pi / 3, pi)])
+
+    assert fit.fitted().normalisation == "duer"
+    assert float(fit.f(wo, wi)[0]) == pytest.approx(0.05 / pi + 0.07 / (4 * pi * 0.25**2 * 0.25), rel=1e-5)
+
+
+def test_a_table_may_hold_several_models_with_numbers_in_any_order(own):
+    tin = MATERIALS.create("ngan", {"file": str(own), "material": "tin"}).fitted()
+
+    assert isinstance(tin, CookTorrance)
+    assert (tin.m, tin.f0, tin.kd) == ((0.3, 0.3), (0.5,) * 3, (0.0, 2.5e-05, 0.0))
+
+
+def test_a_model_that_is_asked_for_is_that_of_every_line(own):
+    with pytest.raises(InputError, match=r"own\.fit:4: no ward_duer fit, but one of cook_torrance$"):
+        fits(own, "ward_duer")
+
+
+def test_the_key_is_of_the_fit_and_not_of_the_files_name(own, tmp_path):
+    other = tmp_path / "other.fit"
+    other.write_text(OWN.replace("0.25", "0.26"))
+    keys = [
+        MATERIALS.create("ngan", {"file": str(file), "material": name}).key()
+        for file, name in ((own, "brass"), (other, "brass"), (own, "tin"), (other, "tin"))
+    ]
+
+    assert keys[0] != keys[1]
+    assert keys[2] == keys[3]
+
+
+@pytest.mark.parametrize("model", ["NganBlinnPhong", "NganHe", "NganAshikhminShirley", "LowCookTorrance"])
+def test_models_that_are_not_here_are_refused_by_name(own, model):
+    own.write_text(OWN.replace("NganWardDuer", model))
+
+    with pytest.raises(InputError, match=rf"own\.fit:3: no fit: {model} is a model that is not here; here are Ngan"):
+        fits(own)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("roughness = 0.25", "sharpness = 2", "NganWardDuer needs albedo, roughness, got albedo, sharpness"),
+        ("roughness = 0.25", "roughness = [1, 1, 1]", "NganWardDuer needs albedo, roughness, got albedo, roughness"),
+        ("tin", "brass", "own.fit:4: 'brass' is in the table twice"),
+        ("roughness = 0.25", "roughness = 1.2.3", "own.fit:3: "),
+    ],
+)
+def test_lines_that_are_no_fit_are_named(own, old, new, message):
+    own.write_text(OWN.replace(old, new))
+
+    with pytest.raises(InputError, match=re.escape(message)):
+        fits(own)
+
+
+def test_ward_duer_without_a_file_is_refused():
+    with pytest.raises(InputError, match=r"ngan\.model 'ward_duer' needs a file"):
+        MATERIALS.create("ngan", {"material": "brass", "model": "ward_duer"})

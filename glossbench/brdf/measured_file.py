@@ -1,12 +1,11 @@
 """Measured materials from files: a table for the reference, lobes fitted to it for methods that draw samples."""
 
-import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 from torch import Tensor
@@ -20,6 +19,7 @@ from glossbench.brdf.measured.rgl import read_rgl
 from glossbench.directions import Vec3, cosine_hemisphere, points_2d
 from glossbench.envmap.lights import locate
 from glossbench.errors import InputError
+from glossbench.file_bytes import digest
 
 Format = Literal["cornell", "merl", "rgl"]
 READERS: dict[Format, Callable[[Path, str], tuple[Table, int]]] = {
@@ -28,6 +28,8 @@ READERS: dict[Format, Callable[[Path, str], tuple[Table, int]]] = {
     "rgl": read_rgl,
 }
 FORMATS: dict[str, Format] = {".brdf": "cornell", ".binary": "merl", ".bsdf": "rgl"}
+
+MAX_BYTES = 1 << 30
 
 
 @dataclass(frozen=True)
@@ -117,19 +119,13 @@ class MeasuredMaterial(Material):
 
     def _read_as(self) -> tuple[Path, str, Format]:
         path = self.path()
-        stat = path.stat()
-        return path, _digest(path, stat.st_size, stat.st_mtime_ns), self.format_of(path)
+        return path, digest(path, "BRDF file", MAX_BYTES), self.format_of(path)
 
     def _measured(self, device: str) -> tuple[MeasuredLobe, int]:
         return _lobe(*self._read_as(), self.unknown == "black", device)
 
 
 # Kept, because a material is asked for its lobes by every stage of every cell, and reading takes seconds.
-
-
-@lru_cache(maxsize=8)
-def _digest(path: Path, size: int, time: int) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @lru_cache(maxsize=4)
@@ -152,6 +148,12 @@ def _fit(
     n_lobes: int,
 ) -> Fit:
     return fit_lobes(_lobe(path, digest, format_, known_only, "cpu")[0], model, n_lobes)
+
+
+def material_or_file(text: str) -> tuple[str, dict[str, Any]]:
+    """What one word means as a material: a registered name, or a file of a measurement or of fits, with its option."""
+    of_file = {**dict.fromkeys(FORMATS, "measured"), ".fit": "ngan"}.get(Path(text).suffix.lower())
+    return (of_file, {"file": text}) if of_file and text not in MATERIALS.names() else (text, {})
 
 
 @MATERIALS.register("measured")
@@ -180,6 +182,15 @@ class Measured(MeasuredMaterial):
         super().__post_init__()
         if self.format is None and Path(self.file).suffix.lower() not in FORMATS:
             raise InputError(f"measured.format must be stated: {self.file!r} ends in none of {', '.join(FORMATS)}")
+
+    @classmethod
+    def file_of(cls, option: str, value: str) -> str | None:
+        """The table."""
+        return "BRDF file" if option == "file" else None
+
+    def open_files(self) -> None:
+        """The table."""
+        self.reflectance()
 
     def path(self) -> Path:
         """The file."""

@@ -10,17 +10,25 @@ from glossbench.brdf.lafortune import Lafortune
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.ward import Ward
 from glossbench.catalog import entry, fetch_once
+from glossbench.envmap.lights import locate
 from glossbench.errors import InputError, nearest
+from glossbench.file_bytes import require_size
 
-Model = Literal["cook_torrance", "ward", "lafortune"]
-NUMBER = r"[-+]?[\d.]+(?:e[-+]?\d+)?"
+Model = Literal["cook_torrance", "ward", "ward_duer", "lafortune"]
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 COLOR = rf"\[({NUMBER}), ({NUMBER}), ({NUMBER})\]"
-# A line of each file, name = Aggregate(Lambertian(...), its model with these numbers).
-NUMBERS = {
-    "cook_torrance": rf"NganCookTorrance\(albedo = {COLOR}, eta = ({NUMBER}), roughness = ({NUMBER})\)",
-    "ward": rf"NganWard\(albedo = {COLOR}, roughness = ({NUMBER})\)",
-    "lafortune": rf"NganLafortune\(albedo = {COLOR}, Cxy = ({NUMBER}), Cz = ({NUMBER}), sharpness = ({NUMBER})\)",
+OPTION = rf"\w+ = (?:\[{NUMBER}, {NUMBER}, {NUMBER}\]|{NUMBER})"
+# A line of each file: name = Aggregate(Lambertian(...), its model with these numbers).
+LINE = re.compile(
+    rf"([\w-]+) = Aggregate(?:Bsdf)?\(Lambertian\(albedo = {COLOR}\), (\w+)\(({OPTION}(?:, {OPTION})*)\)\)"
+)
+MODELS: dict[str, tuple[Model, tuple[str, ...]]] = {
+    "NganCookTorrance": ("cook_torrance", ("albedo", "eta", "roughness")),
+    "NganWard": ("ward", ("albedo", "roughness")),
+    "NganWardDuer": ("ward_duer", ("albedo", "roughness")),
+    "NganLafortune": ("lafortune", ("albedo", "Cxy", "Cz", "sharpness")),
 }
+MAX_BYTES = 1 << 24
 
 
 @MATERIALS.register("ngan")
@@ -30,29 +38,43 @@ class Ngan(Material):
     cook_torrance: `cook_torrance` with the factor 1/pi, the table's eta being f0: the highlights of its 25 metals,
     whose Fresnel term is flat, are then 0.87 times those of the Ward fits along the normal (median; 0.73 to 1.04 from
     the 10th to the 90th percentile). With a D that is not divided by pi it would be 2.7 times. ward: `ward` as of 1992.
-    lafortune: `lafortune` with C_x = C_y, normalised.
+    ward_duer: `ward` as of 2006. lafortune: `lafortune` with C_x = C_y, normalised.
 
     Attributes:
-        material: one of the tables' names.
-        model: cook_torrance, ward or lafortune.
+        material: one of the table's names.
+        model: cook_torrance, ward or lafortune, by default the first; of a file, by default what it holds.
+        file: path of a table of the same form, .fit, which may be of ward_duer, too; a relative one is looked for here,
+            beside the study and below the folder GLOSSBENCH_DATA.
 
     Source: Ngan et al. 2005; tables of github.com/bsdfbenchmark/bbm. The fits keep the scale of MERL files, whose
     mirror-like highlights are cut off: chrome reflects 6 %.
     """
 
     material: str
-    model: Model = "cook_torrance"
+    model: Model | None = None
+    file: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if entry(_entry(self.model)).local() is not None:  # nothing is fetched before a run
+        if self.file is None and self.model == "ward_duer":
+            raise InputError("ngan.model 'ward_duer' needs a file: the catalogue has no table of it")
+        if self.file is not None or entry(self._entry()).local() is not None:  # nothing is fetched before a run
             self.fitted()
+
+    @classmethod
+    def file_of(cls, option: str, value: str) -> str | None:
+        """The table."""
+        return "table of fits" if option == "file" else None
 
     def fitted(self) -> Material:
         """The fit as a material of its model."""
-        known = fits(fetch_once(_entry(self.model)), self.model)
+        if self.file is None:
+            known = fits(fetch_once(self._entry()), self.model or "cook_torrance")
+        else:
+            known = fits(locate(self.file, what="table of fits"), self.model)
         if self.material not in known:
-            raise InputError(f"ngan.material: the tables have no {self.material!r}{nearest(self.material, known)}")
+            where = "the tables have" if self.file is None else f"{self.file} has"
+            raise InputError(f"ngan.material: {where} no {self.material!r}{nearest(self.material, known)}")
         return known[self.material]
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
@@ -63,46 +85,73 @@ class Ngan(Material):
         """That of the fit."""
         return f"ngan:{self.fitted().key()}"
 
+    def _entry(self) -> str:
+        """The catalogue's name of the table."""
+        return f"ngan_{(self.model or 'cook_torrance').replace('_', '')}"
 
-def _entry(model: Model) -> str:
-    """The catalogue's name of a table."""
-    return f"ngan_{model.replace('_', '')}"
 
-
-def fits(path: Path, model: Model) -> dict[str, Material]:
+def fits(path: Path, model: Model | None = None) -> dict[str, Material]:
     """The materials of a table by name.
 
+    Args:
+        model: that all must be of; by default any of those that are here.
+
     Raises:
-        InputError: a line that is none of this model.
+        InputError: a line that is no fit, or one of another model.
     """
+    require_size(path, "table of fits", MAX_BYTES)
     stat = path.stat()
     return _fits(path, stat.st_size, stat.st_mtime_ns, model)
 
 
 @lru_cache(maxsize=6)
-def _fits(path: Path, size: int, time: int, model: Model) -> dict[str, Material]:
-    line_of = re.compile(rf"([\w-]+) = Aggregate\(Lambertian\(albedo = {COLOR}\), {NUMBERS[model]}\)")
+def _fits(path: Path, size: int, time: int, model: Model | None) -> dict[str, Material]:
     found: dict[str, Material] = {}
     try:
         lines = path.read_text(encoding="ascii").splitlines()
     except ValueError:
         raise InputError(f"{path}: no table of fits: holds more than plain text") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     for i, line in enumerate(lines, 1):
-        if line.strip() and not line.startswith("#"):
-            match = line_of.fullmatch(line.strip())
-            if match is None:
-                raise InputError(f"{path}:{i}: no {model} fit: {line.strip()[:60]!r}")
-            name, *texts = match.groups()
-            numbers = [float(text) for text in texts]
-            found[name] = _material(model, tuple(numbers[:3]), tuple(numbers[3:6]), numbers[6:])
+        if line.strip() and not line.lstrip().startswith("#"):
+            try:
+                name, fit = _fit(" ".join(line.split()), model)
+            except InputError as error:
+                raise InputError(f"{path}:{i}: {error}") from None
+            if name in found:
+                raise InputError(f"{path}:{i}: {name!r} is in the table twice")
+            found[name] = fit
     if not found:
         raise InputError(f"{path}: no table of fits: it is empty")
     return found
 
 
-def _material(model: Model, kd: Any, ks: Any, rest: list[float]) -> Material:
+def _fit(line: str, wanted: Model | None) -> tuple[str, Material]:
+    """Name and material of a line."""
+    no_fit = f"no {f'{wanted} ' if wanted else ''}fit"
+    match = LINE.fullmatch(line)
+    if match is None:
+        raise InputError(f"{no_fit}: {line[:60]!r}")
+    name, *kd, stated, options = match.groups()
+    if stated not in MODELS:
+        raise InputError(f"{no_fit}: {stated} is a model that is not here; here are {', '.join(MODELS)}")
+    model, wants = MODELS[stated]
+    if wanted not in (None, model):
+        raise InputError(f"{no_fit}, but one of {model}")
+    numbers: dict[str, Any] = {}
+    for option in re.findall(OPTION, options):
+        key, _, value = option.partition(" = ")
+        numbers[key] = tuple(map(float, re.findall(NUMBER, value)))
+    if {key: len(value) for key, value in numbers.items()} != {key: 3 if key == "albedo" else 1 for key in wants}:
+        raise InputError(f"{no_fit}: {stated} needs {', '.join(wants)}, got {', '.join(numbers)}")
+    return name, _material(model, tuple(map(float, kd)), **numbers)
+
+
+def _material(model: Model, kd: Any, albedo: Any, **numbers: Any) -> Material:
+    of = {key: value[0] for key, value in numbers.items()}
     if model == "cook_torrance":
-        return CookTorrance(m=(rest[1],) * 2, f0=(rest[0],) * 3, factor="1/pi", ks=ks, kd=kd)
-    if model == "ward":
-        return Ward(m=(rest[0],) * 2, normalisation="ward", ks=ks, kd=kd)
-    return Lafortune(C=(rest[0], rest[0], rest[1]), s=rest[2], ks=ks, kd=kd)
+        return CookTorrance(m=(of["roughness"],) * 2, f0=(of["eta"],) * 3, factor="1/pi", ks=albedo, kd=kd)
+    if model == "lafortune":
+        return Lafortune(C=(of["Cxy"], of["Cxy"], of["Cz"]), s=of["sharpness"], ks=albedo, kd=kd)
+    return Ward(m=(of["roughness"],) * 2, normalisation="duer" if model == "ward_duer" else "ward", ks=albedo, kd=kd)

@@ -84,6 +84,17 @@ class FileLight(Light):
         """How the image covers the sphere."""
         return covered(self._decoded.covers, self.projection, self.axes, *self._decoded.image.shape[:2])
 
+    @classmethod
+    def file_of(cls, option: str, value: str) -> str | None:
+        """The image."""
+        return "image file" if option == "file" else None
+
+    def open_files(self) -> None:
+        """The image, and whether its shape says how it covers the sphere."""
+        image = self.image()
+        if self.projection is None:
+            guess_projection(*image.shape[:2])
+
     def image(self) -> Tensor:
         """The file's radiance (H, W, 3) as stored, times `scale`."""
         return torch.from_numpy(self._decoded.image)

@@ -2,7 +2,8 @@
 
 import json
 from functools import cached_property
-from typing import Annotated, Literal, NamedTuple
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -14,7 +15,7 @@ from glossbench.directions import Vec3, vec3
 from glossbench.errors import InputError
 from glossbench.scene.camera import framing
 from glossbench.scene.mesh import Mesh
-from glossbench.scene.mesh_files import meaning_of, mesh_named
+from glossbench.scene.mesh_files import READERS, meaning_of, mesh_named
 from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
 
 # n . wo of a shading normal that interpolation has turned away from the viewer: below it materials are all but mirrors.
@@ -30,6 +31,12 @@ class Seen(NamedTuple):
     points: ShadingPoints
 
 
+def view_or_file(text: str) -> tuple[str, dict[str, Any]]:
+    """What one word means as a view: a registered name, or a mesh of a file, with its option."""
+    of_file = Path(text).suffix.lower() in READERS and text not in VIEWS.names()
+    return ("mesh", {"shape": text}) if of_file else (text, {})
+
+
 @VIEWS.register("mesh")
 class MeshView(View):
     """A triangle mesh with smooth normals, framed by a camera; its light is hidden by itself.
@@ -42,7 +49,7 @@ class MeshView(View):
 
     Attributes:
         shape: cloth, torus_knot or bowl; a mesh of the catalogue: spot, teapot or bunny; or a file, .obj, .ply, .glb,
-            .gltf or .stl.
+            .gltf or .stl: a relative path is looked for here, beside the study and below the folder GLOSSBENCH_DATA.
         resolution: rows of pixels.
         width: columns of pixels; by default as many as rows.
         camera: parallel rays, or from one point.
@@ -64,6 +71,15 @@ class MeshView(View):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_pixels(self, self.resolution, self.width or self.resolution)
+
+    @classmethod
+    def file_of(cls, option: str, value: str) -> str | None:
+        """The mesh, where it is not one of a name: those have no ending."""
+        return "mesh file" if option == "shape" and Path(value).suffix else None
+
+    def open_files(self) -> None:
+        """The mesh."""
+        _ = self._mesh
 
     def mask(self) -> Tensor:
         """True (H, W) where a ray through the pixel's centre hits the mesh."""

@@ -16,6 +16,7 @@ from glossbench.brdf.measured.colorimetry import WAVELENGTHS, rec709
 from glossbench.brdf.measured.half_difference import half_difference
 from glossbench.directions import Vec3, spherical
 from glossbench.errors import InputError
+from glossbench.file_bytes import require_size
 from glossbench.homomorphic import FactorMap, factorize, grid_laplacian, grid_rows
 
 Floats = NDArray[np.float64]
@@ -25,6 +26,7 @@ ENDS, DIFFERENCES, RINGS = 10, 19, 20  # nodes of p and of theta_d from 0 to 90 
 SMOOTHNESS = 0.1
 FLOOR = 1e-4  # [1/sr] below which there is no logarithm: a diffuse albedo of 0.0003
 REACH = radians(7)  # from the middle of a cell of 10 by 10 degrees, as samples are spaced, to its corners
+MAX_BYTES = 1 << 26  # of text, 40 times those of the largest published
 CELLS = 45  # of two degrees, of theta_i, theta_o, and of four, of the azimuth between them
 
 
@@ -103,9 +105,10 @@ def read_samples(path: Path) -> Samples:
     theta_i, phi_i, theta_s, phi_s [radians] and f [1/sr] at each wavelength. i is the light, s the viewer.
 
     Raises:
-        InputError: no such text, wavelengths other than 400, 410 ... 700, a sample that is cut off, or numbers that are
-            not finite or no directions above a surface.
+        InputError: no such text, more than 64 MiB, wavelengths other than 400, 410 ... 700, a sample that is cut off,
+            or numbers that are not finite or no directions above a surface.
     """
+    require_size(path, "goniometer file", MAX_BYTES)
     try:
         lines = path.read_text(encoding="ascii").splitlines()
         numbers = np.array(" ".join(line for line in lines if not line.lstrip().startswith("#")).split(), np.float64)
