@@ -98,7 +98,7 @@ class Results:
         if cells != old.cells or study != before:
             Manifest(cells, {**old.files, **dict.fromkeys(SUMMARY)}).write(self.folder)
             self.disk.write("study.yaml", dump(dict(study)))
-            self.disk.write("provenance.json", dumps(provenance, indent=1))
+            self.disk.write("provenance.json", dumps({**provenance, "finished": "not yet"}, indent=1))
         return ""
 
     def finish(
@@ -274,8 +274,7 @@ class Results:
         return np.asarray(read_pixels(self.disk.path(name)))
 
     def _write_image(self, name: str, image: Tensor) -> str:
-        with replacing(self.disk.path(name)) as part:
-            write_exr(part, image)
+        write_exr(self.disk.path(name), image)
         return name
 
     def _study_before(self) -> dict[str, Any] | None:
