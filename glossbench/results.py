@@ -33,7 +33,7 @@ from glossbench.folder import Folder
 from glossbench.ground_truth import Reference
 from glossbench.manifest import COMPARED, SUMMARY, Manifest, entry, listed
 from glossbench.shading import Image
-from glossbench.strict_json import dumps, numbers
+from glossbench.strict_json import dumps, loads, numbers
 from glossbench.verdicts import judge
 from glossbench.yaml_marks import dump, read_document
 
@@ -216,7 +216,7 @@ class Results:
         """The verdicts; of a run that is not finished those on the cells that are there, and each says so."""
         if self.disk.manifest.is_finished and not self.disk.is_altered("claims.json"):
             with suppress(OSError, json.JSONDecodeError):
-                loaded: list[dict[str, Any]] = json.loads(self.disk.path("claims.json").read_bytes())
+                loaded: list[dict[str, Any]] = loads(self.disk.path("claims.json").read_bytes())
                 return loaded
         return self._judged(self.cells)
 
