@@ -109,7 +109,7 @@ def run_study(
 def _check_own_study(study: Study, results: Results) -> None:
     """InputError where the results would take the place of the study's own file; that of a run may run again."""
     path = results.folder / "study.yaml"
-    if study.name == "study" and study.folder.resolve() == results.folder.resolve():
+    if path.exists() and study.name == "study" and study.folder.resolve() == results.folder.resolve():
         if "study.yaml" not in results.disk.manifest.files or results.disk.is_altered("study.yaml"):
             raise InputError(
                 f"{path} is the study itself, which its results would take the place of: name another folder by -o"

@@ -301,6 +301,15 @@ def test_a_pipe_among_results_is_refused(folder):
         Results.open(folder).cells  # noqa: B018
 
 
+def test_a_folder_that_may_only_be_read_stops_the_run_and_is_read(made, folder, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+
+    with pytest.raises(InputError, match=r"r: it may only be read; name another folder by -o$"):
+        run_study(made[0], folder)
+
+    assert len(Results.open(folder).cells) == 3
+
+
 # Another study in the folder
 
 
