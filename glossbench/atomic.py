@@ -2,12 +2,14 @@
 
 import os
 import re
+import signal
 import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
+from threading import current_thread, main_thread
 from uuid import uuid4
 
 from glossbench.errors import CannotWrite
@@ -21,6 +23,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """A path to write to, that takes the place of `path` when all went well: never a half-written file.
 
     What was written is on the disk before it bears its name, so that a loss of power leaves the old file or the new.
+    The signal that asks a process to end, SIGTERM, is a KeyboardInterrupt meanwhile, and leaves no half-written file.
 
     Raises:
         CannotWrite: a full disk, a folder that is gone or cannot be written.
@@ -29,7 +32,8 @@ def replacing(path: Path) -> Iterator[Path]:
     ending = path.suffix if re.fullmatch(r"\.\w{1,8}", path.suffix, re.ASCII) else ""
     part = path.with_name(f".glossbench-{_here()}-{os.getpid()}-{uuid4().hex}{ending}")
     try:
-        yield part
+        with _asked_to_end():
+            yield part
         _to_disk(part)
         os.replace(part, path)
         with suppress(OSError):  # some systems open no folders
@@ -39,6 +43,19 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # what was wrong is said already
             part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _asked_to_end() -> Iterator[None]:
+    """SIGTERM raises KeyboardInterrupt in the block, where nobody else handles it."""
+    is_ours = current_thread() is main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    if is_ours:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        if is_ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def remove_abandoned(folder: Path) -> None:

@@ -47,7 +47,7 @@ class Checkpoint:
         try:
             with self.path.open("rb") as file, np.load(file) as stored:
                 kept, counts = torch.from_numpy(stored["sums"]), stored["done"].tolist()
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile):  # not by us: begin anew
+        except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile):  # damaged: begin again
             return
         if kept.shape == sums.shape and len(counts) == len(done):
             sums.copy_(kept)

@@ -8,8 +8,7 @@ glossbench.json     which files here are this program's, and the keys of the stu
 cells/KEY.json      the row of one cell, with checksums of itself and of its files; it says that the cell is done
 images/KEY.exr      its image; KEY_half_vectors.npy the pattern and KEY_state_NAME.exr pictures of its state, where a
                     method has them; KEY_flip_N.npz a FLIP map, once a page was made, of N x N pixels averaged
-references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels,
-references/KEY.json its numbers, with checksums
+references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels, KEY.json its numbers
 """
 
 import hashlib
@@ -33,7 +32,7 @@ from glossbench.folder import Folder
 from glossbench.ground_truth import Reference
 from glossbench.manifest import COMPARED, SUMMARY, Manifest, entry, listed
 from glossbench.shading import Image
-from glossbench.strict_json import dumps, numbers
+from glossbench.strict_json import dumps, loads, numbers
 from glossbench.verdicts import judge
 from glossbench.yaml_marks import dump, read_document
 
@@ -98,7 +97,7 @@ class Results:
         if cells != old.cells or study != before:
             Manifest(cells, {**old.files, **dict.fromkeys(SUMMARY)}).write(self.folder)
             self.disk.write("study.yaml", dump(dict(study)))
-            self.disk.write("provenance.json", dumps(provenance, indent=1))
+            self.disk.write("provenance.json", dumps({**provenance, "finished": "not yet"}, indent=1))
         return ""
 
     def finish(
@@ -120,8 +119,8 @@ class Results:
             if len(rows) < len(found):
                 return
             verdicts = self._judged(pandas.DataFrame(rows))
-        for partial in self.disk.path("references").glob("*.partial.npz"):  # of a study that has changed since
-            partial.unlink(missing_ok=True)
+        for partial in self.disk.path("references").glob(f"{'[0-9a-f]' * 20}.partial.npz"):
+            partial.unlink(missing_ok=True)  # of a study that has changed since
         self.disk.write("study.yaml", dump(study))
         self.disk.write("claims.json", dumps(verdicts, indent=1))
         self.disk.write("provenance.json", dumps(provenance, indent=1))
@@ -147,7 +146,7 @@ class Results:
         """Write a cell; its row comes last, because the row says that it is done."""
         key, written = row["key"], []
         for path in self.disk.path("images").glob(f"{key}_flip_*.npz"):
-            path.unlink()  # of an image that now goes
+            path.unlink(missing_ok=True)  # of an image that now goes
         if image is not None:
             written = [self._write_image(f"images/{key}.exr", image.radiance)]
             for name, picture in image.pictures.items():
@@ -201,6 +200,8 @@ class Results:
             cells = pandas.DataFrame([row for row in map(self._row, manifest.cells) if row is not None])
         if cells.empty:
             raise InputError(f"{self.folder}: none of {len(manifest.cells)} cells is done yet")
+        if not {"key", "reference_key", "status", "reason"} <= set(cells.columns):
+            raise InputError(f"{self.folder}/cells.parquet is no table of cells{AGAIN}")
         damage: dict[str, str] = {}
         for i, row in enumerate(cells.to_dict("records")):
             if row["status"] == "done":
@@ -216,7 +217,7 @@ class Results:
         """The verdicts; of a run that is not finished those on the cells that are there, and each says so."""
         if self.disk.manifest.is_finished and not self.disk.is_altered("claims.json"):
             with suppress(OSError, json.JSONDecodeError):
-                loaded: list[dict[str, Any]] = json.loads(self.disk.path("claims.json").read_bytes())
+                loaded: list[dict[str, Any]] = loads(self.disk.path("claims.json").read_bytes())
                 return loaded
         return self._judged(self.cells)
 
@@ -274,8 +275,7 @@ class Results:
         return np.asarray(read_pixels(self.disk.path(name)))
 
     def _write_image(self, name: str, image: Tensor) -> str:
-        with replacing(self.disk.path(name)) as part:
-            write_exr(part, image)
+        write_exr(self.disk.path(name), image)
         return name
 
     def _study_before(self) -> dict[str, Any] | None:

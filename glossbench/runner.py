@@ -116,7 +116,7 @@ def run_study(
 def _check_own_study(study: Study, results: Results) -> None:
     """InputError where the results would take the place of the study's own file; that of a run may run again."""
     path = results.folder / "study.yaml"
-    if study.name == "study" and study.folder.resolve() == results.folder.resolve():
+    if path.exists() and study.name == "study" and study.folder.resolve() == results.folder.resolve():
         if "study.yaml" not in results.disk.manifest.files or results.disk.is_altered("study.yaml"):
             raise InputError(
                 f"{path} is the study itself, which its results would take the place of: name another folder by -o"
@@ -174,7 +174,7 @@ class _Executor:
         self.use_cache, self.fail_fast = use_cache, fail_fast
         self._code = numerics_hash()
         self._source: Callable[[Any], str] = cache(source_hash)  # once a run: files may change meanwhile
-        self._whole: set[str] = set()  # keys of references made or looked at by this run
+        self._whole: dict[str, bool] = {}  # by key of a reference, whether it is on disk as it was written
         self._stages = StageCache(self.progress.doing)
         self._stages_light: Item | None = None
         self._truth: tuple[str, Reference] | None = None
@@ -248,13 +248,13 @@ class _Executor:
 
     def _has_reference(self, key: str) -> bool:
         """Whether a reference is on disk as it was written; looked at once a run."""
-        if key not in self._whole and self.use_cache and self.results.has_reference(key):
-            damage = self.results.damage_of_reference(key)
+        if key not in self._whole:
+            is_there = self.use_cache and self.results.has_reference(key)
+            damage = self.results.damage_of_reference(key) if is_there else ""
             if damage:
                 self.progress.note(f"{damage}: this reference is computed again")
-            else:
-                self._whole.add(key)
-        return key in self._whole
+            self._whole[key] = is_there and not damage
+        return self._whole[key]
 
     def _give_up(self, row: dict[str, Any], thread: int) -> None:
         """Write the row of a cell that cannot be interrupted, with where it is, before the process ends."""
@@ -344,7 +344,7 @@ class _Executor:
             )  # fmt: skip
             self._require_same_files(cell, key)
             self.results.add_reference(key, truth, time.perf_counter() - started)
-            self._whole.add(key)
+            self._whole[key] = True
         stored = Reference(
             torch.from_numpy(self.results.reference(key).astype(np.float64)),
             torch.from_numpy(self.results.standard_error(key).astype(np.float64)),

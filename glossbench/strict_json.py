@@ -17,6 +17,11 @@ def dumps(data: Any, **options: Any) -> str:
     return json.dumps(_standard(data), allow_nan=False, **options)
 
 
+def loads(text: str | bytes) -> Any:
+    """What `dumps` wrote, with its infinities; what was not a number is None."""
+    return _infinite(json.loads(text))
+
+
 def numbers(data: dict[str, Any]) -> dict[str, Any]:
     """A flat mapping as it was before `dumps`: what is null was not a number."""
     return {
@@ -44,6 +49,14 @@ def unsealed(text: str | bytes) -> dict[str, Any]:
 
 def _checksum(data: dict[str, Any]) -> str:
     return sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+
+def _infinite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _infinite(value) for key, value in data.items()}
+    if isinstance(data, list):
+        return [_infinite(value) for value in data]
+    return _INFINITE.get(data, data) if isinstance(data, str) else data
 
 
 def _standard(data: Any) -> Any:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -27,7 +28,7 @@ from glossbench.envmap.files import read_image, write_exr
 from glossbench.envmap.lights import light_named
 from glossbench.options import option_names
 from glossbench.results import Results
-from glossbench.runner import run_study
+from glossbench.runner import Progress, run_study
 from glossbench.study import load_study
 from glossbench.study_files import study_files
 
@@ -970,6 +971,47 @@ def test_report_writes_those_that_are_asked_for(call, monkeypatch, flags, names)
 
     assert (code, out) == (0, "".join(f"report: results/tiny/{name}\n" for name in written))
     assert written == names.split()
+
+
+def planted_fault(folder: Path) -> Path:
+    raise RuntimeError("planted\nfault")
+
+
+@pytest.mark.parametrize("arguments", [["report", "results/tiny"], ["run", "tiny.yaml", "-f", "importance_sampling"]])
+@pytest.mark.usefixtures("results")
+def test_a_report_that_fails_is_one_line_and_the_others_are_written(call, monkeypatch, arguments):
+    writers = {"html": planted_fault, "pdf": lambda folder: folder / "report.pdf"}
+    monkeypatch.setattr(cli, "_report_writers", lambda: writers)
+
+    code, out, err = call(*arguments)
+
+    assert code == 1
+    assert out.splitlines()[-1] == "report: results/tiny/report.pdf"
+    line = r"error: the html report was not written: RuntimeError, test_cli\.py:\d+: planted fault"
+    assert re.fullmatch(line, err.splitlines()[-1])
+
+
+@pytest.mark.parametrize("changes", [["-f", "environment_sampling"], ["-f", "importance_sampling", "--seed", "3"]])
+def test_a_run_does_not_write_over_results_of_another(call, results, changes):
+    before = everything(results)
+
+    code, out, err = call("run", "tiny.yaml", *changes)
+
+    assert (code, out) == (2, "")
+    assert err.startswith("error: results/tiny holds results that this run does not have, and that would be lost: ")
+    assert everything(results) == before
+
+
+def test_a_report_of_an_unfinished_run_says_how_far_it_is(call, monkeypatch):
+    monkeypatch.setattr(cli, "_report_writers", lambda: {"html": lambda folder: folder / "report.html"})
+    study = load_study("tiny.yaml")
+    stopped = iter([None])
+    with pytest.raises(StopIteration):
+        run_study(study, Path("results/tiny"), progress=Progress(cell=lambda row: next(stopped)))
+
+    code, _, err = call("report", "results/tiny")
+
+    assert (code, err) == (0, "note: 2 of 4 cells are done: the claims are judged on these\n")
 
 
 @pytest.mark.usefixtures("results")

@@ -1,6 +1,7 @@
 """What a run leaves on disk: whole files, read back as they were written."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -203,6 +204,20 @@ def test_every_name_that_a_file_may_have_is_written(tmp_path, name):
         part.write_text("new")
 
     assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_a_process_that_is_asked_to_end_leaves_no_half_written_file(tmp_path):
+    def write() -> None:
+        with replacing(tmp_path / "file") as part:
+            part.write_text("half")
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(5)
+
+    with pytest.raises(KeyboardInterrupt):
+        write()
+
+    assert list(tmp_path.iterdir()) == []
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 def test_a_file_is_on_the_disk_before_it_bears_its_name(tmp_path, monkeypatch):

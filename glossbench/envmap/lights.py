@@ -91,9 +91,7 @@ class FileLight(Light):
 
     def open_files(self) -> None:
         """The image, and whether its shape says how it covers the sphere."""
-        image = self.image()
-        if self.projection is None:
-            guess_projection(*image.shape[:2])
+        _ = self._covered
 
     def image(self) -> Tensor:
         """The file's radiance (H, W, 3) as stored, times `scale`."""
