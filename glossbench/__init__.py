@@ -78,8 +78,10 @@ def __dir__() -> list[str]:
 def light(name: str, **options: Any) -> "CubeMap":
     """The radiance of a light: a registered name ("spots"), one of the catalogue ("grace_cross"), or an image file."""
     from glossbench.envmap.lights import light_named
+    from glossbench.surroundings import settled
 
-    return light_named(name, options).cubemap()
+    with settled():
+        return light_named(name, options).cubemap()
 
 
 def material(name: str, **options: Any) -> "Material":

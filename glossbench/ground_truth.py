@@ -28,6 +28,7 @@ from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
 from glossbench.errors import InputError
 from glossbench.fusion import over_points
 from glossbench.scene.points import Occluder, ShadingPoints, View, image_of
+from glossbench.surroundings import settled
 from glossbench.visibility import occluder_of, unhidden
 
 N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
@@ -81,6 +82,7 @@ class Tables(NamedTuple):
     occluder: Occluder | None
 
 
+@settled()
 def compute_reference(
     light: CubeMap,
     material: Material,

@@ -19,7 +19,8 @@ version = cache(metadata.version)  # which reads a file
 NUMERICS = (
     "brdf", "envmap", "scene", "metrics", "brdf_factors.py", "directions.py", "fixed_point.py", "fusion.py",
     "ground_truth.py", "homomorphic.py", "light_factors.py", "lighting_function.py", "lighting_monte_carlo.py",
-    "lobe_lighting.py", "measuring.py", "options.py", "shading.py", "stage_cache.py", "stages.py", "tuning.py",
+    "lobe_lighting.py", "measuring.py", "options.py", "shading.py", "stage_cache.py", "stages.py", "surroundings.py",
+    "tuning.py",
     "visibility.py", "visibility_harmonics.py",
 )  # fmt: skip
 

@@ -33,6 +33,7 @@ from glossbench.scene.points import VIEWS
 from glossbench.shading import METHODS, Image
 from glossbench.stage_cache import StageCache
 from glossbench.study import Study
+from glossbench.surroundings import settled
 from glossbench.time_limit import time_limit
 from glossbench.verdicts import judge
 
@@ -52,6 +53,7 @@ class Progress:
     cell: Callable[[dict[str, Any]], None] = lambda row: None
 
 
+@settled()
 def run_study(
     study: Study,
     folder: Path,

@@ -21,6 +21,7 @@ from glossbench.options import Options
 from glossbench.registry import Registry
 from glossbench.scene.points import ShadingPoints, View, image_of
 from glossbench.stage_cache import Prepared, StageCache, unwritten
+from glossbench.surroundings import settled
 
 INPUTS = ("light", "material", "scene", "view")
 # What an artist or a game changes -> the input that is then new. A view change leaves the geometry as it is.
@@ -150,6 +151,7 @@ class Image:
     pictures: Mapping[str, Tensor] = field(default_factory=dict)
 
 
+@settled()
 def shade(
     method: Method,
     light: CubeMap,

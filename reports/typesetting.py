@@ -10,10 +10,10 @@ from types import TracebackType
 from typing import Any, Literal
 
 import typst
-from matplotlib import get_data_path, rc_context
+from matplotlib import get_data_path
 from matplotlib.figure import Figure
 
-from .figures import RC
+from .figures import RC, style
 
 TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 64  # characters without a space; in a longer word a line may break
@@ -49,7 +49,7 @@ class Press:
         """File and width [pt] of a plot as SVG: lines stay lines, text stays text, in the font that measured it."""
         out = BytesIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        with rc_context({**RC, "svg.hashsalt": str(self._n_files)}):
+        with style({**RC, "svg.hashsalt": str(self._n_files)}):
             figure.savefig(out, format="svg", transparent=True, metadata=nothing)
         return {"file": self.add(out.getvalue(), "svg"), "width": 72 * figure.get_figwidth()}
 

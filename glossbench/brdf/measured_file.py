@@ -20,6 +20,7 @@ from glossbench.brdf.measured.rgl import read_rgl
 from glossbench.directions import Vec3, cosine_hemisphere, points_2d
 from glossbench.envmap.lights import locate
 from glossbench.errors import InputError
+from glossbench.surroundings import settled
 
 Format = Literal["cornell", "merl", "rgl"]
 READERS: dict[Format, Callable[[Path, str], tuple[Table, int]]] = {
@@ -133,6 +134,7 @@ def _digest(path: Path, size: int, time: int) -> str:
 
 
 @lru_cache(maxsize=4)
+@settled()
 def _lobe(path: Path, digest: str, format_: Format, known_only: bool, device: str) -> tuple[MeasuredLobe, int]:
     """The lobe of a file, and how many of its values are negative."""
     try:
@@ -143,6 +145,7 @@ def _lobe(path: Path, digest: str, format_: Format, known_only: bool, device: st
 
 
 @lru_cache(maxsize=16)
+@settled()
 def _fit(
     path: Path,
     digest: str,

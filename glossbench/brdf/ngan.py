@@ -11,6 +11,7 @@ from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.ward import Ward
 from glossbench.catalog import entry, fetch_once
 from glossbench.errors import InputError, nearest
+from glossbench.surroundings import settled
 
 Model = Literal["cook_torrance", "ward", "lafortune"]
 NUMBER = r"[-+]?[\d.]+(?:e[-+]?\d+)?"
@@ -80,6 +81,7 @@ def fits(path: Path, model: Model) -> dict[str, Material]:
 
 
 @lru_cache(maxsize=6)
+@settled()
 def _fits(path: Path, size: int, time: int, model: Model) -> dict[str, Material]:
     line_of = re.compile(rf"([\w-]+) = Aggregate\(Lambertian\(albedo = {COLOR}\), {NUMBERS[model]}\)")
     found: dict[str, Material] = {}

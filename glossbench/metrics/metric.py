@@ -9,6 +9,7 @@ from torch import Tensor
 from glossbench.errors import InputError
 from glossbench.options import Options
 from glossbench.registry import Registry
+from glossbench.surroundings import settled
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -43,6 +44,7 @@ class Metric(Options):
     lower_is_better: ClassVar[bool] = True
     signed: ClassVar[bool] = False
 
+    @settled()
     def __call__(self, image: HasRadiance, truth: HasRadiance) -> float:
         """The number.
 
@@ -52,6 +54,7 @@ class Metric(Options):
         x, y, mask = _compared(image, truth)
         return float(self.pooled(self.errors(x, y, mask)[mask]))
 
+    @settled()
     def error_map(self, image: HasRadiance, truth: HasRadiance) -> Floats:
         """The error of each pixel, (H, W), zero outside the mask; raises as the number does."""
         x, y, mask = _compared(image, truth)
