@@ -7,10 +7,10 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import entry_points
-from inspect import cleandoc
 from typing import Any, Generic, TypeVar
 
 from glossbench.catalog import KINDS, Entry, entries
+from glossbench.documentation import documentation
 from glossbench.errors import InputError, nearest
 from glossbench.options import Options
 
@@ -55,7 +55,7 @@ class Registry(Generic[T]):
         Args:
             documented: the class whose docstring tells the options, after its first paragraph.
         """
-        options = cleandoc(documented.__doc__ or "").split("\n\n", 1)[1]
+        options = documentation(documented).partition("\n\n")[2]
         for each in stated:
             about = f"{each.stresses[0].upper()}{each.stresses[1:]}: {each.file} of the catalogue.\n\n{options}"
             members = {"__doc__": about, "__module__": base.__module__, "__qualname__": each.name}

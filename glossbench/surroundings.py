@@ -4,10 +4,13 @@ torch and numpy keep switches for the whole process or for a thread: the default
 happens at an overflow. The public functions run under the values that a new process has, whatever the caller set.
 """
 
+import ctypes
 import os
+import re
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -102,9 +105,10 @@ def settled() -> Iterator[None]:
 
 
 def _in_forked_child() -> None:
-    """The threads of the parent are gone: their switches go back, and torch, which would wait for its own, takes none.
+    """The threads of the parent are gone: their switches go back, and this one does its work alone.
 
-    OpenMP's threads do not survive a fork, and work handed to them would never end.
+    OpenMP's threads do not survive a fork, and what is handed to them would never end. torch brings an OpenMP of its
+    own, and FLIP another; each is told.
     """
     global _held
     if not _has_computed:
@@ -116,6 +120,9 @@ def _in_forked_child() -> None:
         for switch, value in left.found:
             switch.set(value)
     torch.set_num_threads(1)
+    with suppress(OSError, AttributeError):  # on other systems than Linux processes are not forked unless one insists
+        for path in dict.fromkeys(re.findall(r"/\S*/lib(?:g|i|)omp\S*", Path("/proc/self/maps").read_text())):
+            ctypes.CDLL(path).omp_set_num_threads(1)
 
 
 if hasattr(os, "register_at_fork"):

@@ -1,6 +1,7 @@
 """The road to typst: a folder with data, images and templates becomes pages; what a study says stays text."""
 
 import json
+import os
 import re
 from collections.abc import Mapping
 from io import BytesIO
@@ -13,12 +14,15 @@ import typst
 from matplotlib import get_data_path
 from matplotlib.figure import Figure
 
+from glossbench.errors import InputError
+
 from .figures import RC, style
 
 TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 64  # characters without a space; in a longer word a line may break
 PIECE = 16  # after so many characters
 Format = Literal["pdf", "png", "svg"]
+_first_process: dict[str, int] = {}  # the one in which typst has started its threads
 
 
 class Press:
@@ -28,6 +32,11 @@ class Press:
     """
 
     def __enter__(self) -> "Press":
+        if _first_process.setdefault("id", os.getpid()) != os.getpid():
+            raise InputError(
+                "reports cannot be written in a forked process whose parent wrote some: typst's threads do not survive "
+                "a fork; start processes by spawn or forkserver"
+            )
         self._temporary = TemporaryDirectory(prefix="glossbench-")
         self.folder = Path(self._temporary.name)
         fonts = typst.Fonts(font_paths=[str(Path(get_data_path()) / "fonts" / "ttf")])
