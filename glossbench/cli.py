@@ -47,7 +47,7 @@ def main() -> None:
     logger.addHandler(_printed)
     warnings.showwarning = _print_warning
     try:
-        sys.exit(app(standalone_mode=False))
+        sys.exit(app(prog_name="glossbench", standalone_mode=False) or 0)
     except InputError as error:
         _end(2, f"error: {error}")
     except _UsageError as error:
@@ -81,7 +81,9 @@ class _Printed(logging.Handler):
 _printed = _Printed()
 
 
-def _print_warning(message: Warning | str, category: type[Warning], filename: str, lineno: int, *more: Any) -> None:
+def _print_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
+) -> None:
     err.print(one_line(f"warning: {message} ({filename}, line {lineno})"), style="yellow", soft_wrap=True)
 
 
@@ -238,7 +240,7 @@ def check_method(
     outcomes = check_contract(name)
     table = Table("check", "outcome", "measured", box=None, pad_edge=False)
     for outcome in outcomes:
-        verdict = {True: Text("kept", "green"), False: Text("broken", "red"), None: "not claimed"}[outcome.kept]
+        verdict = {True: Text("kept", "green"), False: Text("broken", "red"), None: Text("not claimed")}[outcome.kept]
         table.add_row(outcome.check, verdict, outcome.measured)
     out.print(table)
     if any(outcome.kept is False for outcome in outcomes):

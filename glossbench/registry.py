@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 from glossbench.catalog import KINDS, Entry, entries
 from glossbench.documentation import documentation
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError, called, nearest
 from glossbench.options import Options
 
 T = TypeVar("T", bound=Options)
@@ -69,6 +69,10 @@ class Registry(Generic[T]):
     def get(self, name: str) -> type[T]:
         """The class behind a name; InputError with the nearest name when there is none."""
         self._discover()
+        if not isinstance(name, str):
+            made = "; it is made already: use it as it is" if isinstance(name, Options) else ""
+            example = min(self._classes, default="its_name")
+            raise InputError(f"a {self.kind} is asked for by its name, such as {example!r}, got {called(name)}{made}")
         if name not in self._classes:
             raise InputError(self.unknown(name))
         return self._classes[name]

@@ -16,7 +16,7 @@ from torch import Tensor
 from glossbench.brdf.material import Material
 from glossbench.costs import Costs, timed
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.errors import InputError, MethodError
+from glossbench.errors import InputError, MethodError, check_call
 from glossbench.options import Options
 from glossbench.registry import Registry
 from glossbench.scene.points import ShadingPoints, View, image_of
@@ -172,6 +172,9 @@ def shade(
         MethodError: the method returned the wrong shape, dtype or device, or radiance that is not finite, or wrote
             into a tensor that it was given.
     """
+    check_call(
+        "shade", method=(method, Method), light=(light, CubeMap), material=(material, Material), view=(view, View)
+    )
     reason = method.supports(material, view.scene())
     if reason:
         raise InputError(f"{method.name} cannot show this: {reason}")
