@@ -121,7 +121,9 @@ def _in_forked_child() -> None:
             switch.set(value)
     torch.set_num_threads(1)
     with suppress(OSError, AttributeError):  # on other systems than Linux processes are not forked unless one insists
-        for path in dict.fromkeys(re.findall(r"/\S*/lib(?:g|i|)omp\S*", os.fsdecode(Path("/proc/self/maps").read_bytes()))):
+        for path in dict.fromkeys(
+            re.findall(r"/\S*/lib(?:g|i|)omp\S*", os.fsdecode(Path("/proc/self/maps").read_bytes()))
+        ):
             ctypes.CDLL(path).omp_set_num_threads(1)
 
 
