@@ -75,11 +75,15 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-def light(name: str, **options: Any) -> "CubeMap":
+def light(name: str | os.PathLike[str], **options: Any) -> "CubeMap":
     """The radiance of a light: a registered name ("spots"), one of the catalogue ("grace_cross"), or an image file."""
-    from glossbench.envmap.lights import light_named
+    from glossbench.envmap.lights import LIGHTS, light_named
+    from glossbench.surroundings import settled
 
-    return light_named(name, options).cubemap()
+    with settled():
+        text = os.fspath(name) if isinstance(name, os.PathLike) else name
+        # What is no text is no name either, and is refused as such.
+        return (light_named(text, options) if isinstance(text, str) else LIGHTS.create(text, options)).cubemap()
 
 
 def material(name: str, **options: Any) -> "Material":

@@ -4,10 +4,10 @@ import re
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
-from inspect import cleandoc
 from typing import Any, NamedTuple
 
 from glossbench.brdf.material import MATERIALS
+from glossbench.documentation import documentation
 from glossbench.envmap.lights import LIGHTS
 from glossbench.metrics import METRICS
 from glossbench.scene.points import VIEWS
@@ -56,7 +56,7 @@ def source_of(kind: str, name: str) -> str:
     registry = REGISTRIES[kind]
     if name not in registry.names():
         return ""
-    paragraphs = re.split(r"\n\s*\n", cleandoc(registry.get(name).__doc__ or ""))
+    paragraphs = re.split(r"\n\s*\n", documentation(registry.get(name)))
     return next((" ".join(p.removeprefix("Source:").split()) for p in paragraphs if p.startswith("Source:")), "")
 
 

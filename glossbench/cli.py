@@ -1,25 +1,48 @@
 """The command line: run a study, write its report, look things up, check a method, measure this machine."""
 
+import errno
 import json
+import logging
 import sys
+import warnings
 from collections.abc import Callable, Collection
 from importlib.metadata import entry_points, version
 from pathlib import Path
 from traceback import extract_tb
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from glossbench.commands import completion, data
 from glossbench.commands.figure import figure
 from glossbench.commands.info import info
 from glossbench.commands.light import light as describe_light
+from glossbench.consoles import one_line, open_streams
 from glossbench.errors import InputError
-from glossbench.printing import Pulse, err, note, out, print_notes, print_table, print_verdicts, say, warn_of_noise
+from glossbench.printing import (
+    Pulse,
+    err,
+    note,
+    out,
+    print_notes,
+    print_table,
+    print_verdicts,
+    say,
+    say_lines,
+    warn_of_noise,
+)
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit code: 0 all is well; 1 a cell failed, a check is broken, or output could not be written; 2 bad input; "
+    "130 interrupted.",
+)
+_UsageError: Any = typer.BadParameter.__base__  # of the click that typer brings or imports
 
 StudyArgument = Annotated[
     str,
@@ -31,11 +54,49 @@ StudyArgument = Annotated[
 
 def main() -> None:
     """Entry point: bad input ends with one line and exit code 2, an interrupt with 130."""
+    open_streams()
+    logger = logging.getLogger("glossbench")
+    logger.addHandler(_printed)
+    warnings.showwarning = _print_warning
     try:
-        app()
+        sys.exit(app(prog_name="glossbench", standalone_mode=False) or 0)
     except InputError as error:
-        err.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
-        sys.exit(2)
+        _end(2, f"error: {error}")
+    except _UsageError as error:
+        if not error.format_message().strip() or type(error).__name__ == "NoArgsIsHelpError":
+            error.show()
+            sys.exit(2)
+        command = f"{error.ctx.command_path} --help" if error.ctx else "glossbench --help"
+        _end(2, f"error: {error.format_message()} See {command}")
+    except (KeyboardInterrupt, typer.Abort):
+        _end(130, "interrupted")
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EIO):  # of the file that standard output goes to
+            raise
+        _end(1, f"error: output cannot be written: {error.strerror}")
+    finally:
+        logger.removeHandler(_printed)
+
+
+def _end(code: int, line: str) -> NoReturn:
+    err.print(one_line(line), style="red", soft_wrap=True)
+    sys.exit(code)
+
+
+class _Printed(logging.Handler):
+    """Records of the package as lines on standard error."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        err.print(one_line(record.getMessage()), style="yellow", soft_wrap=True)
+
+
+_printed = _Printed()
+
+
+def _print_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
+) -> None:
+    err.print(one_line(f"warning: {message} ({filename}, line {lineno})"), style="yellow", soft_wrap=True)
 
 
 def _print_version(wanted: bool) -> None:
@@ -99,7 +160,7 @@ def run(
             say("  ".join(f"{item.name} {item.json}" for item in items))
         say(f"{len(loaded.cells())} cells would go to {folder}")
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     try:
         with Bar(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
             task, pulse = bar.add_task("", total=None), Pulse(bar)
@@ -170,8 +231,6 @@ def validate(study: StudyArgument) -> None:
     counts += [_counted(len(cells), "cell"), _counted(len(loaded.claims), "claim")]
     out.print(
         f"{loaded.title}: {', '.join(counts)}",
-        markup=False,
-        highlight=False,
     )
 
 
@@ -180,7 +239,7 @@ def schema() -> None:
     """Print the JSON Schema of studies, for editors."""
     from glossbench.schema import schema as study_schema
 
-    print(json.dumps(study_schema(), indent=2))
+    say_lines(json.dumps(study_schema(), indent=2))
 
 
 app.command()(info)
@@ -202,8 +261,8 @@ def check_method(
     outcomes = check_contract(name)
     table = Table("check", "outcome", "measured", box=None, pad_edge=False)
     for outcome in outcomes:
-        verdict = {True: "[green]kept[/green]", False: "[red]broken[/red]", None: "not claimed"}[outcome.kept]
-        table.add_row(outcome.check, verdict, escape(outcome.measured))
+        verdict = {True: Text("kept", "green"), False: Text("broken", "red"), None: Text("not claimed")}[outcome.kept]
+        table.add_row(outcome.check, verdict, outcome.measured)
     out.print(table)
     if any(outcome.kept is False for outcome in outcomes):
         raise typer.Exit(1)

@@ -20,6 +20,7 @@ from glossbench.contract_checks import (
 from glossbench.errors import InputError, nearest
 from glossbench.plugins import NoSuchModule, import_plugin
 from glossbench.shading import METHODS, Method
+from glossbench.surroundings import settled
 
 CHECKS: tuple[Callable[..., Outcome], ...] = (
     check_furnace,
@@ -35,6 +36,7 @@ CHECKS: tuple[Callable[..., Outcome], ...] = (
 )
 
 
+@settled()
 def check_contract(name: str) -> list[Outcome]:
     """All checks of a registered method, or of each method that an importable module registers.
 

@@ -31,5 +31,21 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; known: {', '.join(names)}" if names else ""
 
 
+def called(value: object) -> str:
+    """A value of a wrong type in a few words: text and numbers as they are, all else by its class."""
+    return repr(value) if isinstance(value, str | int | float | None) else f"a {type(value).__name__}"
+
+
+def check_call(function: str, **arguments: tuple[object, type]) -> None:
+    """InputError where one of the arguments, each a value and its class, is something else: what to write instead."""
+    for name, (value, wanted) in arguments.items():
+        if not isinstance(value, wanted):
+            example = value if isinstance(value, str) else "..."
+            order = ", ".join(arguments)
+            raise InputError(
+                f'{function}({order}): {name} must be what gb.{name}("{example}") makes, got {called(value)}'
+            )
+
+
 class MethodError(RuntimeError):
     """A plug-in broke the shade interface: wrong shape or dtype, or radiance that is not finite."""

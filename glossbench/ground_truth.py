@@ -25,9 +25,10 @@ from glossbench.directions import Vec3, cosine_hemisphere, to_local, to_world
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LightDistribution, luminance_distribution
 from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
-from glossbench.errors import InputError
+from glossbench.errors import InputError, check_call
 from glossbench.fusion import over_points
 from glossbench.scene.points import Occluder, ShadingPoints, View, image_of
+from glossbench.surroundings import settled
 from glossbench.visibility import occluder_of, unhidden
 
 N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
@@ -81,6 +82,7 @@ class Tables(NamedTuple):
     occluder: Occluder | None
 
 
+@settled()
 def compute_reference(
     light: CubeMap,
     material: Material,
@@ -104,6 +106,7 @@ def compute_reference(
     Raises:
         InputError: relative_error not positive, max_samples below the first round's.
     """
+    check_call("reference", light=(light, CubeMap), material=(material, Material), view=(view, View))
     if not relative_error > 0:
         raise InputError(f"reference.relative_error must be above 0, got {relative_error!r}")
     if max_samples < N_REPLICATES * FIRST_SAMPLES:

@@ -4,10 +4,10 @@ import json
 import time
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from glossbench.consoles import Console, one_line
 from glossbench.rows import KINDS, identity, listed, names_of, parsed, told_apart
 
 if TYPE_CHECKING:
@@ -30,17 +30,22 @@ class Pulse:
             return
         self.last, task = time.monotonic(), self.bar.tasks[0]
         done = f"{task.completed:.0f} of {task.total or 0:.0f} cells, {task.elapsed or 0:.0f} s"
-        err.print(f"{done}: {task.description}", markup=False, highlight=False, soft_wrap=True)
+        err.print(one_line(f"{done}: {task.description}"), soft_wrap=True)
 
 
 def say(text: str) -> None:
-    """Text as it is on standard output, a line a line, however long."""
-    out.print(text, markup=False, highlight=False, soft_wrap=True)
+    """A line on standard output, however long; a name of a file may hold the end of a line."""
+    out.print(one_line(text), soft_wrap=True)
+
+
+def say_lines(text: str) -> None:
+    """Text of several lines, each as it is."""
+    out.print(text, soft_wrap=True)
 
 
 def note(text: str) -> None:
     """What is out of the ordinary, in one line on standard error."""
-    err.print(f"note: {text}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+    err.print(one_line(f"note: {text}"), style="yellow", soft_wrap=True)
 
 
 def print_rows(rows: dict[str, str]) -> None:
@@ -91,8 +96,8 @@ def print_verdicts(claims: list[dict[str, Any]]) -> None:
     styles = {"holds": "green", "does not hold": "red", "within noise": "yellow"}
     for claim in claims:
         out.print()
-        out.print(claim["verdict"], style=styles.get(claim["verdict"], "dim"), end="  ", highlight=False)
-        out.print(f"{claim['text']}\n  {claim['summary']}", markup=False, highlight=False)
+        out.print(claim["verdict"], style=styles.get(claim["verdict"], "dim"), end="  ")
+        out.print(f"{claim['text']}\n  {claim['summary']}")
     out.print()
 
 
@@ -112,5 +117,5 @@ def warn_of_noise(cells: "pandas.DataFrame") -> None:
         err.print(
             f"{len(missed)} of {len(references)} references did not meet the noise asked for: {100 * worst:.2g} % of "
             f"the mean for {100 * wanted:.2g} %, at reference.max_samples",
-            style="yellow", highlight=False, soft_wrap=True,
+            style="yellow", soft_wrap=True,
         )  # fmt: skip

@@ -23,7 +23,8 @@ version = cache(metadata.version)  # which reads a file
 NUMERICS = (
     "brdf", "envmap", "scene", "metrics", "brdf_factors.py", "directions.py", "fixed_point.py", "fusion.py",
     "ground_truth.py", "homomorphic.py", "light_factors.py", "lighting_function.py", "lighting_monte_carlo.py",
-    "lobe_lighting.py", "measuring.py", "options.py", "shading.py", "stage_cache.py", "stages.py", "tuning.py",
+    "lobe_lighting.py", "measuring.py", "options.py", "shading.py", "stage_cache.py", "stages.py", "surroundings.py",
+    "tuning.py",
     "visibility.py", "visibility_harmonics.py",
 )  # fmt: skip
 
@@ -98,7 +99,7 @@ def system_information() -> dict[str, Any]:
 def processor() -> str:
     """The processor's name, as the system tells it."""
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor() or platform.machine()

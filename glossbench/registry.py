@@ -3,13 +3,15 @@
 import importlib
 import logging
 import pkgutil
+import sys
+import threading
 from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import entry_points
-from inspect import cleandoc
 from typing import Any, Generic, TypeVar
 
 from glossbench.catalog import KINDS, Entry, entries
-from glossbench.errors import InputError, nearest
+from glossbench.documentation import documentation
+from glossbench.errors import InputError, called, nearest
 from glossbench.options import Options
 
 T = TypeVar("T", bound=Options)
@@ -20,7 +22,8 @@ class Registry(Generic[T]):
 
     A class registers with `@METHODS.register("name")`. When the first name is asked for, `home` is imported (each
     module of it, if it is a package), then every entry point of `group` that an installed distribution declares:
-    it names a module, or a class in one, whose import registers.
+    it names a module, or a class in one, whose import registers. A thread that asks meanwhile imports the same, which
+    Python lets one thread do for all; an import that is interrupted is begun again by whoever asks next.
     """
 
     def __init__(self, kind: str, home: str, group: str) -> None:
@@ -29,6 +32,7 @@ class Registry(Generic[T]):
         self._group = group
         self._classes: dict[str, type[T]] = {}
         self._discovered = False
+        self._discovering = threading.local()
 
     def register(self, name: str) -> Callable[[type[T]], type[T]]:
         """Class decorator: the class answers to `name` from now on."""
@@ -51,7 +55,7 @@ class Registry(Generic[T]):
         Args:
             documented: the class whose docstring tells the options, after its first paragraph.
         """
-        options = cleandoc(documented.__doc__ or "").split("\n\n", 1)[1]
+        options = documentation(documented).partition("\n\n")[2]
         for each in stated:
             about = f"{each.stresses[0].upper()}{each.stresses[1:]}: {each.file} of the catalogue.\n\n{options}"
             members = {"__doc__": about, "__module__": base.__module__, "__qualname__": each.name}
@@ -65,6 +69,10 @@ class Registry(Generic[T]):
     def get(self, name: str) -> type[T]:
         """The class behind a name; InputError with the nearest name when there is none."""
         self._discover()
+        if not isinstance(name, str):
+            made = "; it is made already: use it as it is" if isinstance(name, Options) else ""
+            example = min(self._classes, default="its_name")
+            raise InputError(f"a {self.kind} is asked for by its name, such as {example!r}, got {called(name)}{made}")
         if name not in self._classes:
             raise InputError(self.unknown(name))
         return self._classes[name]
@@ -79,16 +87,27 @@ class Registry(Generic[T]):
         return self.get(name).create(options)
 
     def _discover(self) -> None:
-        if self._discovered:
+        if self._discovered or getattr(self._discovering, "is_under_way", False):  # a module that is imported may ask
             return
-        self._discovered = True
+        self._discovering.is_under_way = True
+        try:
+            self._import_all()
+            self._discovered = True
+        finally:
+            self._discovering.is_under_way = False
+
+    def _import_all(self) -> None:
         home = importlib.import_module(self._home)
         for module in pkgutil.iter_modules(getattr(home, "__path__", [])):
             importlib.import_module(f"{self._home}.{module.name}")
         for point in entry_points(group=self._group):
+            known = set(self._classes)
             try:
                 point.load()
             except (Exception, SystemExit) as error:  # another distribution's fault must not take every command with it
+                for name in set(self._classes) - known:  # of a module that is not there after all
+                    if self._classes[name].__module__ not in sys.modules:
+                        del self._classes[name]
                 first = (str(error).splitlines() or [""])[0]
                 logging.getLogger("glossbench").warning(
                     "%s %r of %s cannot be loaded: %s: %s",

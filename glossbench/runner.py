@@ -35,6 +35,7 @@ from glossbench.scene.points import VIEWS
 from glossbench.shading import METHODS, Image
 from glossbench.stage_cache import StageCache
 from glossbench.study import Study
+from glossbench.surroundings import settled
 from glossbench.time_limit import time_limit
 from glossbench.verdicts import judge
 
@@ -56,6 +57,7 @@ class Progress:
     note: Callable[[str], None] = lambda text: None
 
 
+@settled()
 def run_study(
     study: Study,
     folder: Path,

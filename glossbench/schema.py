@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.measured_file import FORMATS
 from glossbench.claims import KINDS, Name, Names
+from glossbench.documentation import documentation
 from glossbench.envmap.lights import LIGHTS
 from glossbench.ground_truth import FIRST_SAMPLES, N_REPLICATES
 from glossbench.options import Finite, Options, Seed, json_schema
@@ -143,5 +144,5 @@ def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
         tuned = [TuneKeys.model_json_schema()] if tunable else []
         properties[option] = {"anyOf": [*forms, lists[option], *tuned], **default}
     properties["zip"] = {"type": "object", "properties": lists, "additionalProperties": False}
-    description = (cls.__doc__ or "").strip().partition("\n")[0]
+    description = documentation(cls).partition("\n")[0]
     return {**stated, "description": description, "properties": properties}

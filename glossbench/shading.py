@@ -16,11 +16,12 @@ from torch import Tensor
 from glossbench.brdf.material import Material
 from glossbench.costs import Costs, timed
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.errors import InputError, MethodError
+from glossbench.errors import InputError, MethodError, check_call
 from glossbench.options import Options
 from glossbench.registry import Registry
 from glossbench.scene.points import ShadingPoints, View, image_of
 from glossbench.stage_cache import Prepared, StageCache, unwritten
+from glossbench.surroundings import settled
 
 INPUTS = ("light", "material", "scene", "view")
 # What an artist or a game changes -> the input that is then new. A view change leaves the geometry as it is.
@@ -150,6 +151,7 @@ class Image:
     pictures: Mapping[str, Tensor] = field(default_factory=dict)
 
 
+@settled()
 def shade(
     method: Method,
     light: CubeMap,
@@ -170,6 +172,9 @@ def shade(
         MethodError: the method returned the wrong shape, dtype or device, or radiance that is not finite, or wrote
             into a tensor that it was given.
     """
+    check_call(
+        "shade", method=(method, Method), light=(light, CubeMap), material=(material, Material), view=(view, View)
+    )
     reason = method.supports(material, view.scene())
     if reason:
         raise InputError(f"{method.name} cannot show this: {reason}")

@@ -2,9 +2,9 @@
 
 import re
 from collections.abc import Sequence
-from inspect import cleandoc
 from typing import NamedTuple
 
+from glossbench.documentation import documentation
 from glossbench.shading import METHODS
 
 from .notation import Run, runs
@@ -36,7 +36,7 @@ def _described(name: str) -> Description:
         return Description(name, "", [runs("Of a plug-in that is not installed here.")], "")
     cls = METHODS.get(name)
     equation = str(getattr(cls, "equation", ""))
-    paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", cleandoc(cls.__doc__ or ""))]
+    paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", documentation(cls))]
     text = [part for part in paragraphs if not part.startswith(("Attributes:", "Args:", "Source:"))]
     source = next((part.removeprefix("Source:").strip() for part in paragraphs if part.startswith("Source:")), "")
     if equation and text:

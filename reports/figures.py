@@ -1,14 +1,18 @@
 """Figures of a report: sample patterns and colour bars; how numbers and plots look.
 
-They are matplotlib figures without global state; `svg` gives the same bytes for the same data.
+They are matplotlib figures without global state; `svg` gives the same bytes for the same data, whatever style a user
+has set.
 """
 
 import re
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from io import StringIO
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import rc_context, rcParamsDefault
 from matplotlib.figure import Figure
 
 from .pictures import SIGNED, UNSIGNED, Floats
@@ -32,6 +36,17 @@ RC: dict[Any, Any] = {
     "text.parse_math": False,  # a name may hold a dollar sign
     "svg.fonttype": "none",
 } | dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK)
+
+# All that matplotlib can be told, as it comes; but not where its windows go.
+_PLAIN: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if not key.startswith("backend")}
+_drawing = threading.RLock()  # the parameters are one set for all threads
+
+
+@contextmanager
+def style(parameters: Mapping[Any, Any]) -> Iterator[None]:
+    """The block, or the function that this decorates, draws with these parameters; then the user's are back."""
+    with _drawing, rc_context({**_PLAIN, **parameters}):
+        yield
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -58,7 +73,7 @@ def polar(half_vectors: Floats, largest: float) -> list[tuple[float, float]]:
     ]
 
 
-@rc_context(RC)
+@style(RC)
 def colour_bar(limit: float, label: str, signed: bool = True) -> Figure:
     """The scale of error maps, from -limit or from 0 to +limit."""
     figure = Figure(figsize=(4.2, 0.62))
@@ -73,11 +88,10 @@ def colour_bar(limit: float, label: str, signed: bool = True) -> Figure:
     return figure
 
 
-@rc_context(RC)
 def svg(figure: Figure, name: str) -> str:
     """A figure as <svg>: text stays text, in the ink and on the paper of the page; `name` is unique there."""
     out = StringIO()
-    with rc_context({"svg.hashsalt": name}):
+    with style({**RC, "svg.hashsalt": name}):
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         figure.savefig(out, format="svg", transparent=True, metadata=nothing)
     text = out.getvalue()

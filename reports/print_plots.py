@@ -5,7 +5,6 @@ from math import ceil, floor, log10
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from .figures import COLOURS, INK, MARKERS, PAPER, RC, number
+from .figures import COLOURS, INK, MARKERS, PAPER, RC, number, style
 from .lines import CONFIDENCE, COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at, named
 from .sweeps import SAMPLES, Place
 
@@ -91,7 +90,7 @@ def against_costs(place: Place, metric: str) -> list[Panel]:
     return found
 
 
-@rc_context(SMALL)
+@style(SMALL)
 def plot(panels: Sequence[Panel]) -> Figure:
     """Panels side by side: shaded up to twice the reference's noise, dashed the Pareto front, and where points are
     means over lights a band of confidence. The key has the lines of the first, with their slopes where it is over a
@@ -131,7 +130,7 @@ def plot(panels: Sequence[Panel]) -> Figure:
     return figure
 
 
-@rc_context(SMALL)
+@style(SMALL)
 def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
     """Dots: the metric of each method, for a study with one budget."""
     figure = Figure(figsize=(WIDTH, 0.75 + 0.2 * len(lines)), layout="constrained")

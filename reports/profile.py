@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from .figures import COLOURS, INK
+from .figures import COLOURS, INK, style
 from .pictures import Floats, Mask
 from .print_plots import SMALL, WIDTH
 
@@ -18,7 +17,7 @@ def brightest_row(reference: Floats, mask: Mask) -> int:
     return int(np.where(mask, reference.sum(axis=2), -np.inf).argmax() // mask.shape[1])
 
 
-@rc_context(SMALL)
+@style(SMALL)
 def cross_section(images: Sequence[tuple[str, Floats]], mask: Mask, row: int) -> Figure:
     """Radiance, the mean of the channels, of a row of images (H, W, 3) over its columns; the first is the reference."""
     figure = Figure(figsize=(WIDTH, 2.2 + 0.14 * len(images)), layout="constrained")

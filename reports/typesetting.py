@@ -1,5 +1,6 @@
 """The road to typst: a folder with data, images and templates becomes pages; what a study says stays text."""
 
+import os
 import re
 from collections.abc import Mapping
 from io import BytesIO
@@ -9,17 +10,19 @@ from types import TracebackType
 from typing import Any, Literal
 
 import typst
-from matplotlib import get_data_path, rc_context
+from matplotlib import get_data_path
 from matplotlib.figure import Figure
 
+from glossbench.errors import InputError
 from glossbench.strict_json import dumps
 
-from .figures import RC
+from .figures import RC, style
 
 TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 64  # characters without a space; in a longer word a line may break
 PIECE = 16  # after so many characters
 Format = Literal["pdf", "png", "svg"]
+_first_process: dict[str, int] = {}  # the one in which typst has started its threads
 
 
 class Press:
@@ -29,6 +32,11 @@ class Press:
     """
 
     def __enter__(self) -> "Press":
+        if _first_process.setdefault("id", os.getpid()) != os.getpid():
+            raise InputError(
+                "reports cannot be written in a forked process whose parent wrote some: typst's threads do not survive "
+                "a fork; start processes by spawn or forkserver"
+            )
         self._temporary = TemporaryDirectory(prefix="glossbench-")
         self.folder = Path(self._temporary.name)
         fonts = typst.Fonts(font_paths=[str(Path(get_data_path()) / "fonts" / "ttf")])
@@ -50,7 +58,7 @@ class Press:
         """File and width [pt] of a plot as SVG: lines stay lines, text stays text, in the font that measured it."""
         out = BytesIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        with rc_context({**RC, "svg.hashsalt": str(self._n_files)}):
+        with style({**RC, "svg.hashsalt": str(self._n_files)}):
             figure.savefig(out, format="svg", transparent=True, metadata=nothing)
         return {"file": self.add(out.getvalue(), "svg"), "width": 72 * figure.get_figwidth()}
 

@@ -23,7 +23,7 @@ from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.synthetic import Constant, SingleTexel
 from glossbench.errors import InputError
 from glossbench.ground_truth import N_REPLICATES, compute_reference
-from glossbench.scene.points import ShadingPoints
+from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import Sphere, UnitSphere
 
 VIEW = Sphere(resolution=6)
@@ -407,7 +407,7 @@ def test_senseless_demand_is_refused(options, message):
 COSINES = np.array([0.3, 0.1, 0.03, 0.01, 0.003])  # n . wo of the pixels
 
 
-class Grazing:
+class Grazing(View):
     """A surface of normal +z seen from the side of +x, one pixel a cosine."""
 
     def mask(self):

@@ -20,6 +20,7 @@ from glossbench.directions import Vec3, cosine_hemisphere, points_2d
 from glossbench.envmap.lights import locate
 from glossbench.errors import InputError
 from glossbench.file_bytes import digest
+from glossbench.surroundings import settled
 
 Format = Literal["cornell", "merl", "rgl"]
 READERS: dict[Format, Callable[[Path, str], tuple[Table, int]]] = {
@@ -129,6 +130,7 @@ class MeasuredMaterial(Material):
 
 
 @lru_cache(maxsize=4)
+@settled()
 def _lobe(path: Path, digest: str, format_: Format, known_only: bool, device: str) -> tuple[MeasuredLobe, int]:
     """The lobe of a file, and how many of its values are negative."""
     try:
@@ -139,6 +141,7 @@ def _lobe(path: Path, digest: str, format_: Format, known_only: bool, device: st
 
 
 @lru_cache(maxsize=16)
+@settled()
 def _fit(
     path: Path,
     digest: str,

@@ -13,6 +13,7 @@ from glossbench.catalog import entry, fetch_once
 from glossbench.envmap.lights import locate
 from glossbench.errors import InputError, nearest
 from glossbench.file_bytes import require_size
+from glossbench.surroundings import settled
 
 Model = Literal["cook_torrance", "ward", "ward_duer", "lafortune"]
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
@@ -105,6 +106,7 @@ def fits(path: Path, model: Model | None = None) -> dict[str, Material]:
 
 
 @lru_cache(maxsize=6)
+@settled()
 def _fits(path: Path, size: int, time: int, model: Model | None) -> dict[str, Material]:
     found: dict[str, Material] = {}
     try:

@@ -10,7 +10,7 @@ from rich.table import Table
 from glossbench.catalog import entries, entry, fetch
 from glossbench.commands.completion import catalogue
 from glossbench.errors import InputError
-from glossbench.printing import err, out, say
+from glossbench.printing import err, out, say, say_lines
 from glossbench.strict_json import dumps
 
 app = typer.Typer(help="List and fetch public files of lights, BRDFs and meshes.", no_args_is_help=True)
@@ -26,7 +26,7 @@ def list_entries(
     """List the public inputs: what each is good for, its size, and where it is if it is here."""
     stated = [(one, one.local()) for one in entries(kind)]
     if as_json:
-        print(dumps([asdict(one) | {"local": str(path) if path else None} for one, path in stated], indent=2))
+        say_lines(dumps([asdict(one) | {"local": str(path) if path else None} for one, path in stated], indent=2))
         return
     table = Table("name", "kind", "MB", "here", "stresses", box=None, pad_edge=False)
     for one, path in stated:
@@ -63,7 +63,7 @@ def _fetched(name: str) -> Path:
     """The file of a name, with a bar on a terminal while it arrives."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn(), TransferSpeedColumn())
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task = bar.add_task(name, total=entry(name).bytes)
         return fetch(name, lambda n: bar.update(task, completed=n))

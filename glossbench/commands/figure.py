@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from importlib.metadata import entry_points
-from inspect import cleandoc, signature
+from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +10,7 @@ import typer
 
 from glossbench.commands.completion import figures as figure_names
 from glossbench.commands.completion import results as result_folders
+from glossbench.documentation import documentation
 from glossbench.errors import InputError, nearest
 from glossbench.printing import note, print_rows, say
 
@@ -39,7 +40,7 @@ def figure(
     figures = registered_figures()
     opened = Results.open(results)
     if name is None:
-        print_rows({key: cleandoc(draw.__doc__ or "").splitlines()[0] for key, draw in figures.items()})
+        print_rows({key: documentation(draw).partition("\n")[0] for key, draw in figures.items()})
         return
     if name not in figures:
         raise InputError(f"no figure is called {name!r}{nearest(name, figures)}")

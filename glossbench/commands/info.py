@@ -1,17 +1,18 @@
 """`glossbench info`: everything that has a name, and what it is."""
 
 import json
-from inspect import cleandoc, get_annotations
+from inspect import get_annotations
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 import yaml
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from glossbench.catalog import Entry, entries
 from glossbench.commands.completion import everything
+from glossbench.documentation import documentation
 from glossbench.errors import InputError, nearest
 from glossbench.printing import out, print_rows, say
 from glossbench.study_files import study_files
@@ -58,11 +59,11 @@ def registries() -> dict[str, Any]:
 
 
 def _names(kind: str, names: list[str]) -> None:
-    out.print(f"[bold]{kind}[/bold]  {', '.join(names)}", highlight=False)
+    out.print(Text.assemble((kind, "bold"), f"  {', '.join(names)}"))
 
 
 def _heading(name: str, kind: str) -> None:
-    out.print(f"[bold]{name}[/bold] ({kind})\n", highlight=False)
+    out.print(Text.assemble((name, "bold"), f" ({kind})\n"))
 
 
 def _describe_class(kind: str, cls: Any) -> None:
@@ -70,7 +71,7 @@ def _describe_class(kind: str, cls: Any) -> None:
     from glossbench.options import Options, json_schema
 
     _heading(cls.name, kind)
-    out.print(cleandoc(cls.__doc__ or ""), markup=False, highlight=False)
+    out.print(documentation(cls))
     out.print()
     kind_of = next(base for base in cls.__mro__ if Options in base.__bases__)
     stated = {key: getattr(cls, key) for key in get_annotations(kind_of)}
@@ -78,7 +79,7 @@ def _describe_class(kind: str, cls: Any) -> None:
     table = Table("option", "default", "values", box=None, pad_edge=False)
     for option, rule in json_schema(cls)["properties"].items():
         default = json.dumps(rule["default"]) if "default" in rule else "required"
-        table.add_row(option, escape(default), escape(values(rule)))
+        table.add_row(option, default, values(rule))
     if table.row_count:
         out.print(table)
         out.print()

@@ -60,7 +60,7 @@ def light(
     chosen = light_named(name, {option: value for option, value in given.items() if value is not None})
     cubemap = chosen.cubemap()
     print_rows({"light": name} | told(chosen.facts(cubemap)) | {"note": "\n".join(chosen.notes())})
-    if out.is_terminal:
+    if out.is_terminal and out.color_system and out.encoding.startswith("utf"):  # else there is nothing to see
         out.print(half_blocks(picture(cubemap, min(out.width, 160) // 2)))
     if png is not None:
         write_png(png, picture(cubemap, 512))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import torch
+from PIL import Image
 from rich.text import Text
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
@@ -53,9 +54,7 @@ def write_png(path: Path, pixels: Tensor) -> None:
     Raises:
         InputError: another ending, or a folder that cannot be written.
     """
-    from matplotlib.image import imsave
-
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: the extension must be .png, got {path.suffix!r}")
     with replacing(path) as part:
-        imsave(part, pixels.numpy(), format="png")
+        Image.fromarray(pixels.numpy()).save(part, format="PNG")

@@ -1,19 +1,22 @@
 """What a metric is: an error map, and the number that sums it up."""
 
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from glossbench.errors import InputError
+from glossbench.errors import InputError, called
+from glossbench.ground_truth import Reference
 from glossbench.options import Options
 from glossbench.registry import Registry
+from glossbench.surroundings import settled
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
+@runtime_checkable
 class HasRadiance(Protocol):
     """An image: radiance (H, W, 3), and mask (H, W) where it shows the surface."""
 
@@ -43,6 +46,7 @@ class Metric(Options):
     lower_is_better: ClassVar[bool] = True
     signed: ClassVar[bool] = False
 
+    @settled()
     def __call__(self, image: HasRadiance, truth: HasRadiance) -> float:
         """The number.
 
@@ -52,6 +56,7 @@ class Metric(Options):
         x, y, mask = _compared(image, truth)
         return float(self.pooled(self.errors(x, y, mask)[mask]))
 
+    @settled()
     def error_map(self, image: HasRadiance, truth: HasRadiance) -> Floats:
         """The error of each pixel, (H, W), zero outside the mask; raises as the number does."""
         x, y, mask = _compared(image, truth)
@@ -71,6 +76,11 @@ METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench
 
 def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Floats, Floats, Mask]:
     """Image, reference and their mask, in double precision, zero outside it; InputError where they do not compare."""
+    for which, given in {"image": image, "truth": truth}.items():
+        if not isinstance(given, HasRadiance):
+            raise InputError(f"metric(image, truth): {which} must have radiance and mask, got {called(given)}")
+    if isinstance(image, Reference) and not isinstance(truth, Reference):
+        raise InputError("metric(image, truth): the reference comes second, got it first")
     mask = truth.mask.cpu().numpy()
     if image.mask.shape != mask.shape:
         sizes = " and ".join(f"{shape[1]} x {shape[0]}" for shape in (image.mask.shape, mask.shape))

@@ -17,6 +17,7 @@ from glossbench.scene.camera import framing
 from glossbench.scene.mesh import Mesh
 from glossbench.scene.mesh_files import READERS, meaning_of, mesh_named
 from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
+from glossbench.surroundings import settled
 
 # n . wo of a shading normal that interpolation has turned away from the viewer: below it materials are all but mirrors.
 LEAST_COSINE = 0.01
@@ -107,6 +108,7 @@ class MeshView(View):
         return mesh_named(self.shape)
 
     @cached_property
+    @settled()
     def _seen(self) -> Seen:
         height, width = self.resolution, self.width or self.resolution
         mesh = self._mesh

@@ -1,0 +1,131 @@
+"""The state of the process around a call: numbers do not depend on it, and a call leaves it as it was.
+
+torch and numpy keep switches for the whole process or for a thread: the default type and device, autocast, what
+happens at an overflow. The public functions run under the values that a new process has, whatever the caller set.
+"""
+
+import ctypes
+import os
+import re
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+
+class Switch(NamedTuple):
+    """A switch of the whole process: the value that numbers are made under, and how it is read and set."""
+
+    ours: Any
+    read: Callable[[], Any]
+    set: Callable[[Any], None]
+
+
+def _set_determinism(mode: tuple[bool, bool]) -> None:
+    torch.use_deterministic_algorithms(mode[0], warn_only=mode[1])
+
+
+SWITCHES = (
+    Switch(torch.float32, torch.get_default_dtype, torch.set_default_dtype),
+    Switch("highest", torch.get_float32_matmul_precision, torch.set_float32_matmul_precision),
+    Switch(
+        (False, False),
+        lambda: (torch.are_deterministic_algorithms_enabled(), torch.is_deterministic_algorithms_warn_only_enabled()),
+        _set_determinism,
+    ),
+)
+NUMPY = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}
+
+
+class _Held:
+    """The switches of the process: set by the first of the threads that are within a call, put back by the last."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.n_threads = 0
+        self.found: list[tuple[Switch, Any]] = []
+
+    def take(self) -> None:
+        with self.lock:
+            self.n_threads += 1
+            if self.n_threads == 1:
+                self.found = [(switch, value) for switch in SWITCHES if (value := switch.read()) != switch.ours]
+                for switch, _ in self.found:
+                    switch.set(switch.ours)
+
+    def leave(self) -> None:
+        with self.lock:
+            self.n_threads -= 1
+            if self.n_threads == 0:
+                for switch, value in self.found:
+                    switch.set(value)
+                self.found = []
+
+
+_held = _Held()
+_this_thread = threading.local()
+_has_computed = False
+
+
+@contextmanager
+def settled() -> Iterator[None]:
+    """The block, or the function that this decorates, runs under the state of a new process; then all is as before.
+
+    Another thread that does not call glossbench meanwhile finds the switches of the whole process as they are here.
+    """
+    if getattr(_this_thread, "is_within", False):
+        yield
+        return
+    global _has_computed
+    _has_computed = _this_thread.is_within = True
+    try:
+        _held.take()
+        try:
+            with ExitStack() as stack:
+                if torch.get_default_device().type != "cpu":
+                    stack.enter_context(torch.device("cpu"))
+                if torch.is_inference_mode_enabled():  # what is kept for later calls would be of no use outside it
+                    stack.enter_context(torch.inference_mode(False))
+                if not torch.is_grad_enabled():
+                    stack.enter_context(torch.enable_grad())
+                for device in ("cpu", "cuda"):
+                    if torch.is_autocast_enabled(device):
+                        stack.enter_context(torch.autocast(device, enabled=False))
+                if np.geterr() != NUMPY:
+                    stack.enter_context(np.errstate(**NUMPY))  # type: ignore[arg-type]
+                yield
+        finally:
+            _held.leave()
+    finally:
+        _this_thread.is_within = False
+
+
+def _in_forked_child() -> None:
+    """The threads of the parent are gone: their switches go back, and this one does its work alone.
+
+    OpenMP's threads do not survive a fork, and what is handed to them would never end. torch brings an OpenMP of its
+    own, and FLIP another; each is told.
+    """
+    global _held
+    if not _has_computed:
+        return
+    left, _held = _held, _Held()
+    if getattr(_this_thread, "is_within", False):
+        _held.n_threads, _held.found = 1, left.found
+    else:
+        for switch, value in left.found:
+            switch.set(value)
+    torch.set_num_threads(1)
+    with suppress(OSError, AttributeError):  # on other systems than Linux processes are not forked unless one insists
+        for path in dict.fromkeys(
+            re.findall(r"/\S*/lib(?:g|i|)omp\S*", os.fsdecode(Path("/proc/self/maps").read_bytes()))
+        ):
+            ctypes.CDLL(path).omp_set_num_threads(1)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_in_forked_child)
