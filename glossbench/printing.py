@@ -56,14 +56,13 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     rows = [parsed(row) for row in cells.to_dict("records")]
     names = {kind: names_of(kind, rows) for kind in KINDS}
     kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
-    told = {row["method"]: told_apart([other for other in rows if other["method"] == row["method"]])[1] for row in rows}
     table = Table(box=None, pad_edge=False)
     for heading in (*kinds, "method"):
         table.add_column(heading)
     for heading in ("samples", *metrics, "shade ms"):
         table.add_column(heading, justify="right")
-    for row in rows:
-        options = listed({key: row["options"].get(key) for key in told[row["method"]]})
+    for row, (_, line) in zip(rows, told_apart(rows), strict=True):
+        options = listed(line)
         method = f"{row['method']} ({options})" if options else row["method"]
         named = [Text(name) for name in (*(names[kind][identity(kind, row)] for kind in kinds), method)]
         if row["status"] != "done":

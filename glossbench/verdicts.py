@@ -3,7 +3,6 @@
 import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,7 @@ from glossbench.comparisons import (
     verdict_on,
 )
 from glossbench.metrics import METRICS
-from glossbench.rows import as_text
+from glossbench.rows import as_text, identity, listed, names_of, parsed, stated
 
 
 def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
@@ -59,22 +58,14 @@ class _Table:
     """The rows of a run, ready to be picked for a claim."""
 
     def __init__(self, records: list[Any]) -> None:
-        self.rows: list[Row] = [dict(record) for record in records]
+        self.rows: list[Row] = [parsed(record) for record in records]
         for row in self.rows:
-            for column in ("options", *(f"{place}_options" for place in PLACES)):
-                row[column] = json.loads(row[column])
+            row["options"] = stated(row)  # a tuned value is not one that a claim may ask for
             for column in ("stage_seconds", "update_seconds"):
-                if isinstance(row.get(column), str):
-                    seconds = json.loads(row[column])
-                    row[column] = float(sum(seconds.values()))
-                    row |= {f"{column}.{name}": value for name, value in seconds.items()}
-        self._varying = {place: self._telling(place) for place in PLACES}
-
-    def _telling(self, place: str) -> dict[str, list[str]]:
-        options: dict[str, list[Row]] = {}
-        for row in self.rows:
-            options.setdefault(row[place], []).append(row[f"{place}_options"])
-        return {name: _varying(all_options) for name, all_options in options.items()}
+                seconds = row[column]
+                row[column] = float(sum(seconds.values()))
+                row |= {f"{column}.{name}": value for name, value in seconds.items()}
+        self._names = {place: names_of(place, self.rows) for place in PLACES}
 
     def judged(self, claim: Claim) -> dict[str, Any]:
         notes: Counter[str] = Counter()
@@ -155,7 +146,8 @@ class _Table:
                 own = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), own, strict=True)]
                 if a.get("n_samples") != b.get("n_samples"):  # a pattern may not meet the budget
                     own = [f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(own, (a, b), strict=True)]
-                against = " against ".join(own) if any(own) else ""
+                told = [text or row["method"] for text, row in zip(own, (a, b), strict=True)]
+                against = " against ".join(told) if any(own) else ""
                 yield a, b, _listed([self._place(a, places), _shown(a, keys), against])
 
     def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
@@ -181,17 +173,11 @@ class _Table:
                 yield Case(where, slope, None, list(claim.between), 0.0, verdict, slope)
 
     def _place(self, row: Row, places: Collection[str] = PLACES) -> str:
-        parts = []
-        for place in (place for place in PLACES if place in places):
-            options = row[f"{place}_options"]
-            name = PurePath(options["file"]).name if row[place] == "file" else row[place]
-            telling = [key for key in self._varying[place].get(row[place], []) if key != "file"]
-            parts.append(" ".join([name, *(f"{key}={as_text(options[key])}" for key in telling)]))
-        return _listed(parts)
+        return _listed([self._names[place][identity(place, row)] for place in PLACES if place in places])
 
 
 def _spelled(side: Side) -> str:
-    told = " ".join(f"{key}={as_text(value)}" for key, value in (options_of(side) | places_of(side)).items())
+    told = listed(options_of(side) | places_of(side))
     return f"{method_of(side)} ({told})" if told else method_of(side)
 
 
@@ -200,7 +186,7 @@ def _listed(parts: list[str]) -> str:
 
 
 def _shown(row: Row, keys: Collection[str]) -> str:
-    return " ".join(f"{key}={as_text(row['options'].get(key))}" for key in keys)
+    return listed({key: row["options"].get(key) for key in keys})
 
 
 def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -235,15 +221,13 @@ def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
     curves = []
     for value in groups[key]:
         part = [row for row in rows if json.dumps(row["options"].get(key)) == value]
-        curves += [
-            (group, " ".join([f"{key}={as_text(json.loads(value))}", own]).strip())
-            for group, own in _curves(part, over)
-        ]
+        curves += [(group, _listed([f"{key} {as_text(json.loads(value))}", own])) for group, own in _curves(part, over)]
     return curves
 
 
 def _concluded(cases: list[Case], quantity: str, notes: Counter[str]) -> tuple[str, str]:
     """The verdict on a claim and a sentence with the counts and the extreme numbers."""
+    failed = notes.pop("cells failed", 0) if cases else 0
     left_out = "".join(f"; {what}: {count}" for what, count in sorted(notes.items()) if count)
     if not cases:
         why = left_out.removeprefix("; ") or "the run has no cell that it is about"
@@ -255,4 +239,5 @@ def _concluded(cases: list[Case], quantity: str, notes: Counter[str]) -> tuple[s
     span = f"{low.shown:.4g} ({low.where})"
     if len(cases) > 1:
         span = f"from {span} to {high.shown:.4g} ({high.where})"
-    return verdict, f"Holds in {count[HOLDS]} of {len(cases)} cases{noise}; {quantity}: {span}{left_out}."
+    first = f"Judged without {failed} of its cells, which failed. " if failed else ""
+    return verdict, f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{noise}; {quantity}: {span}{left_out}."

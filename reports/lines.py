@@ -128,10 +128,11 @@ def lines_at(place: Place, metric: str) -> list[Line]:
 
 def named(lines: Sequence[Line]) -> tuple[str, list[str]]:
     """A title and a name a line; where all are of one method, the title has it, and the names of its options."""
-    methods = {line.name.partition(" (")[0] for line in lines}
-    if len(methods) > 1 or not all(line.label.options for line in lines):
+    methods = {line.label.method for line in lines}
+    options = {tuple(line.label.options) for line in lines}
+    if len(methods) > 1 or len(options) > 1 or () in options:
         return "", [line.name for line in lines]
-    title = f"{methods.pop()} ({', '.join(lines[0].label.options)})"
+    title = f"{lines[0].name.partition(' (')[0]} ({', '.join(*options)})"
     return title, [", ".join(line.label.options.values()) for line in lines]
 
 

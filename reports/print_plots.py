@@ -17,6 +17,7 @@ from .figures import COLOURS, INK, MARKERS, PAPER, RC, number
 from .lines import CONFIDENCE, COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at, named
 from .sweeps import SAMPLES, Place
 
+MOST_FACETS = 4
 WIDTH = 6.53  # inches of text across a page
 SMALL = {**RC, "font.size": 7.5, "lines.linewidth": 1.1, "lines.markersize": 4}
 DASHES: Sequence[Any] = ("-", (0, (5, 1.5)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 1.5)))
@@ -26,24 +27,24 @@ class Panel(NamedTuple):
     """One plot of a metric or cost: over the swept quantity, or against a cost.
 
     Attributes:
-        dash: of the lines that are drawn; None for all. Panels of the same lines have the same scales.
+        facet: of the lines that are drawn; None for all. Panels of the same lines have the same scales.
     """
 
     place: Place
     lines: Sequence[Line]
     axis: Axis
     cost: str = ""
-    dash: int | None = None
+    facet: int | None = None
 
     @property
     def drawn(self) -> list[Line]:
         """Its lines."""
-        return [line for line in self.lines if self.dash in (None, line.label.dash)]
+        return [line for line in self.lines if self.facet in (None, line.label.facet)]
 
     @property
     def title(self) -> str:
         """The options that its lines share, where it has but a part of all lines."""
-        if self.dash is None:
+        if self.facet is None:
             return ""
         first, *others = (line.label.options for line in self.drawn)
         return ", ".join(f"{key} {v}" for key, v in first.items() if all(other.get(key) == v for other in others))
@@ -66,11 +67,11 @@ def over_sweep(place: Place, metric: str) -> list[Panel]:
 
 
 def facets(panels: Sequence[Panel]) -> list[Panel]:
-    """A panel for each kind of dashes, where there are as many lines that there is more than one."""
+    """A panel for each facet, where there are as many lines that there is more than one."""
     found = []
     for panel in panels:
-        dashes = sorted({line.label.dash for line in panel.lines})
-        found += [panel._replace(dash=dash) for dash in dashes] if 1 < len(dashes) <= len(DASHES) else [panel]
+        kinds = sorted({line.label.facet for line in panel.lines})
+        found += [panel._replace(facet=kind) for kind in kinds] if 1 < len(kinds) <= MOST_FACETS else [panel]
     return found
 
 
@@ -105,7 +106,7 @@ def plot(panels: Sequence[Panel]) -> Figure:
     longest = max(map(len, names))
     in_key = 1 if len(panels) == 1 or longest > 58 else 2 if longest > 32 else 3
     height = (
-        (1.4 if rows > 1 and first.dash is None else 1.9) * rows
+        (1.4 if rows > 1 and first.facet is None else 1.9) * rows
         + 0.15 * (ceil((len(names) + 3) / in_key) + bool(title))
         + 0.1
     )
@@ -199,7 +200,7 @@ def _slope(line: Line, axis: Axis) -> str:
 def _style(line: Line) -> dict[str, Any]:
     label = line.label
     return {
-        "color": COLOURS[label.hue % len(COLOURS)],
+        "color": label.colour,
         "marker": MARKERS[label.index % len(MARKERS)],
         "ls": DASHES[label.dash % len(DASHES)],
     }

@@ -8,6 +8,7 @@ import pytest
 
 from glossbench.reports.cells import grouped
 from glossbench.reports.equal import error_at_time, time_at_error
+from glossbench.reports.figures import COLOURS
 from glossbench.reports.lines import Axis, Line, front, lines_at
 from glossbench.reports.sweeps import Label, places_of, sweeps_of, with_costs
 from glossbench.rows import parsed
@@ -19,9 +20,12 @@ SAMPLES = [4, 16, 64]
 def line(name, index, ms, errors, at_floor=None):
     n = len(ms)
     return Line(
-        Label(name, index, index), np.arange(1.0, n + 1), {"shade": np.array(ms, float)}, np.array(errors, float),
+        Label(name, index, index, "#000000"),
+        np.arange(1.0, n + 1),
+        {"shade": np.array(ms, float)},
+        np.array(errors, float),
         np.array(at_floor or [False] * n),
-    )  # fmt: skip
+    )
 
 
 def rows(factors):
@@ -337,12 +341,29 @@ def test_no_slope_is_fitted_where_x_is_not_positive():
     assert line.slope() is None
 
 
-def test_more_lines_than_colours_share_those_of_the_option_that_divides_them_most_evenly():
+def test_many_lines_have_a_facet_for_those_that_share_the_option_that_divides_them_most_evenly():
     names = [(f, kind) for f in ("none", "box", "gauss", "cosine") for kind in ("cube", "map")]
     given = swept([({}, {"filter": f, "storage": kind, "k": k}, 0.1) for f, kind in names for k in (1, 2, 3)])
 
     labels = [line.label for line in lines_at(places(given, "k")[0], "rms")]
 
-    assert [(label.hue, label.dash) for label in labels] == [(hue, dash) for hue in range(4) for dash in range(2)]
+    assert [label.facet for label in labels] == [0, 1] * 4
     few = [line.label for line in lines_at(places(given[:9], "k")[0], "rms")]
-    assert [(label.hue, label.dash) for label in few] == [(0, 0), (1, 0), (2, 0)]
+    assert [label.facet for label in few] == [0, 0, 0]
+
+
+def test_a_colour_is_a_method_and_its_lines_are_shades_and_dashes():
+    given = swept(
+        [({"method": name}, {"filter": f, "samples": n}, 0.1)
+         for name in ("a", "b") for f in (("none", "box", "gauss") if name == "a" else ("box",)) for n in (1, 2)]
+    )  # fmt: skip
+
+    labels = [line.label for line in lines_at(places(given)[0], "rms")]
+
+    assert [label.method for label in labels] == [0, 0, 0, 1]
+    assert [label.dash for label in labels] == [0, 1, 2, 0]
+    assert labels[1].colour == COLOURS[0]
+    assert labels[3].colour == COLOURS[1]
+    red, green, blue = ([int(label.colour[i : i + 2], 16) for label in labels[:3]] for i in (1, 3, 5))
+    assert all(channel == sorted(channel) for channel in (red, green, blue))  # from dark to light
+    assert len({label.colour for label in labels}) == 4

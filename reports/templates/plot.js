@@ -27,7 +27,7 @@ function markerPath(index) {
 
 // `data` is one place under one metric or cost; `shown` says which of its lines are; `x` names the quantity across,
 // which is "over" for what is swept.
-function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
+function drawPlot({ data, shown, x, label, width, height, describe }) {
   const lines = data.lines.filter((line) => shown(line));
   const visible = (line, i) => line.y[i] !== null && line.x[x][i] !== null && (line.y[i] > 0 || !data.isLog || data.isCost);
   const indices = (line) => line.y.map((_, i) => i).filter((i) => visible(line, i));
@@ -56,12 +56,12 @@ function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
   if (!up.length) svg.append(text(width / 2, height / 2, "no line is shown", "middle"));
   for (const line of lines) {
     const band = line.low ? indices(line).filter((i) => line.low[i] > 0 || !data.isLog) : [];
-    if (band.length > 1) svg.append(bandOf(line, band, horizontal, vertical, x, area, colourOf(line, colours)));
+    if (band.length > 1) svg.append(bandOf(line, band, horizontal, vertical, x, area, line.colour));
   }
   svg.append(...frontOf(data, lines, x, place, visible));
   for (const line of lines) {
     const points = indices(line);
-    const colour = colourOf(line, colours);
+    const colour = line.colour;
     if (points.length > 1) {
       const d = points.map((i) => place(line, i).map((v) => v.toFixed(1)).join(" ")).join("L");
       svg.append(svgElement("path", { class: "line", d: "M" + d, stroke: colour, "stroke-dasharray": dashOf(line) }));
@@ -81,10 +81,6 @@ function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
   }
   svg.querySelector(".point")?.setAttribute("tabindex", 0);
   return svg;
-}
-
-function colourOf(line, colours) {
-  return colours[line.hue % colours.length];
 }
 
 function dashOf(line) {
