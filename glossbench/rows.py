@@ -33,10 +33,16 @@ def stated(row: Mapping[str, Any]) -> dict[str, Any]:
     return {**row["options"], **how}
 
 
+def number_in(value: Any) -> float | None:
+    """A number as itself, and a list of one number alone, such as the m of an isotropic lobe; else None."""
+    if isinstance(value, list) and value and all(each == value[0] for each in value):
+        return number_in(value[0])
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
 def budget_of(row: Mapping[str, Any]) -> float | None:
     """What a cell's method was given of the option that is its budget; None where it has none, or a tuned one."""
-    value = stated(row).get(row["budget"])
-    return value if isinstance(value, int | float) and not isinstance(value, bool) else None
+    return number_in(stated(row).get(row["budget"]))
 
 
 def told_apart(rows: Sequence[Mapping[str, Any]], over: str | None = None) -> list[tuple[Texts, Texts]]:

@@ -17,6 +17,7 @@ from glossbench.claims import (
     SlopeClaim,
     ValueClaim,
     agrees,
+    meanings,
     method_of,
     methods_of,
     options_of,
@@ -40,7 +41,7 @@ from glossbench.comparisons import (
     verdict_on,
 )
 from glossbench.metrics import METRICS
-from glossbench.rows import as_text, identity, listed, names_of, parsed, stated
+from glossbench.rows import as_text, identity, listed, names_of, number_in, parsed, stated
 
 
 def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
@@ -151,26 +152,32 @@ class _Table:
                 yield a, b, _listed([self._place(a, places), _shown(a, keys), against])
 
     def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
+        held = {"method": {key for row in rows for key in row["options"]}}
+        held |= {place: {key for row in rows for key in row[f"{place}_options"]} for place in PLACES}
+        of, option = next(iter(meanings(claim.over, held)), ("method", claim.over))
+        without = {place: option if place == of else "" for place in PLACES}
+        names = {place: names_of(place, self.rows, without[place]) for place in PLACES}
         places: dict[str, list[Row]] = {}
         for row in rows:
-            budget = finite(row["options"].get(claim.over))
+            budget = number_in(row["options" if of == "method" else f"{of}_options"].get(option))
             if (row.get("at_noise_floor") and claim.metric in METRICS.names()) or row[claim.metric] == 0:
                 notes["cells at the noise floor"] += 1
             elif budget is None or budget <= 0:
                 notes[f"cells without a positive {claim.over}"] += 1
             else:
-                places.setdefault(_key(row, []), []).append(row)
-        for place in places.values():
-            for group, own in _curves(place, claim.over):
-                x = np.log([float(row["options"][claim.over]) for row in group])
+                place = [identity(place, row, without[place]) for place in PLACES]
+                places.setdefault(json.dumps(place), []).append({**row, "over": budget})
+        for members in places.values():
+            for group, own in _curves(members):
+                x = np.log([row["over"] for row in group])
                 if len(set(x)) < 3:
                     notes["curves of fewer than 3 points"] += 1
                     continue
                 y = np.log([abs(row[claim.metric]) for row in group])
                 slope = float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
                 verdict = verdict_on(inside(slope, claim.between), [], 0.0)
-                where = _listed([self._place(group[0]), own])
-                yield Case(where, slope, None, list(claim.between), 0.0, verdict, slope)
+                called = [names[place][identity(place, group[0], without[place])] for place in PLACES]
+                yield Case(_listed([*called, own]), slope, None, list(claim.between), 0.0, verdict, slope)
 
     def _place(self, row: Row, places: Collection[str] = PLACES) -> str:
         return _listed([self._names[place][identity(place, row)] for place in PLACES if place in places])
@@ -204,15 +211,14 @@ def _key(row: Row, options: Collection[str], places: Collection[str] = PLACES) -
     return json.dumps([about, [row["options"].get(key) for key in options]], sort_keys=True)
 
 
-def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
-    """Rows of one place as curves with one point for each value of an option.
+def _curves(rows: list[Row]) -> list[tuple[list[Row], str]]:
+    """Rows of one place as curves with one point for each value of what the claim is over.
 
-    Rows that share a value are told apart by the option that has the fewest values among them, so that a
-    tuned option, which has a value a cell, never tears a curve apart.
+    Rows that share a value are told apart by the option that has the fewest values among them.
     """
     points: dict[float, list[Row]] = {}
     for row in rows:
-        points.setdefault(row["options"][over], []).append(row)
+        points.setdefault(row["over"], []).append(row)
     differing = {key for same in points.values() for key in _varying(row["options"] for row in same)}
     if not differing:
         return [(rows, "")]
@@ -221,7 +227,7 @@ def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
     curves = []
     for value in groups[key]:
         part = [row for row in rows if json.dumps(row["options"].get(key)) == value]
-        curves += [(group, _listed([f"{key} {as_text(json.loads(value))}", own])) for group, own in _curves(part, over)]
+        curves += [(group, _listed([f"{key} {as_text(json.loads(value))}", own])) for group, own in _curves(part)]
     return curves
 
 

@@ -22,6 +22,7 @@ from .print_images import PrintedGroup, middle_budgets
 from .print_plots import Panel, against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .profile import brightest_row, cross_section
 from .sweeps import Place, Sweep, places_of, sweeps_of, with_costs
+from .sweeps import named as named_sweeps
 from .typesetting import Format, Press
 
 
@@ -119,11 +120,17 @@ def _read(folder: Path, metric: str | None) -> _Run:
 
 
 def _swept(run: _Run, name: str | None) -> Sweep:
-    """A sweep by its name; without one the first."""
-    if name is not None and name not in run.sweeps:
+    """A sweep by its name, full or short; without one the first."""
+    if name is None:
+        return next(iter(run.sweeps.values()))
+    found = named_sweeps(run.sweeps.values(), name)
+    if len(found) > 1:
+        meant = " or ".join(sweep.full_name for sweep in found)
+        raise InputError(f"--over {name} may mean {meant}: say which")
+    if not found:
         known = ", ".join(run.sweeps)
         raise InputError(f"{run.results.folder} sweeps no {name!r}: --over must be one of {known}")
-    return run.sweeps[name] if name else next(iter(run.sweeps.values()))
+    return found[0]
 
 
 def _single(run: _Run, sweep: Sweep) -> list[Place]:

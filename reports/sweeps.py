@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from glossbench.rows import KINDS, budget_of, identity, listed, names_of, stated, told_apart
+from glossbench.rows import KINDS, budget_of, identity, listed, names_of, number_in, stated, told_apart
 
 from .cells import Group, methods_of
 from .figures import shade
@@ -81,7 +81,7 @@ class Sweep:
 
     def value(self, row: Mapping[str, Any]) -> float | None:
         """Of a cell; None where it has no such number."""
-        return _number(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
+        return number_in(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
 
     def point(self, row: Mapping[str, Any]) -> tuple[int, Any]:
         """What the same cell under another light has in common with it: its line and what was asked of it."""
@@ -177,13 +177,6 @@ def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
     return [*found, *means]
 
 
-def _number(value: Any) -> float | None:
-    """A number as itself, and a list of one number alone, such as the m of an isotropic lobe; else None."""
-    if isinstance(value, list) and value and all(each == value[0] for each in value):
-        return _number(value[0])
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
-
-
 def _options(row: Mapping[str, Any], kind: str) -> Mapping[str, Any]:
     options: Mapping[str, Any] = row[f"{kind}_options" if kind else "options"]
     return options
@@ -195,7 +188,7 @@ def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     for row in rows:
         for kind in ("", *KINDS):
             for key, value in _options(row, kind).items():
-                number = _number(value)
+                number = number_in(value)
                 if number is None or key in ASIDE or (kind == "" and _is_tuned(row, key)):
                     continue
                 if kind == "" and key == SAMPLES:
