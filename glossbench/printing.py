@@ -53,6 +53,8 @@ def print_rows(rows: dict[str, str]) -> None:
 
 def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     """The cells of a run, a row each: names with the options that tell them apart."""
+    from glossbench.legends import explain_table  # late, as it imports torch
+
     rows = [parsed(row) for row in cells.to_dict("records")]
     names = {kind: names_of(kind, rows) for kind in KINDS}
     kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
@@ -78,15 +80,25 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     for row in rows:
         if row["status"] != "done":
             say(f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}")
+    print_words(explain_table(rows, with_decided=False))
+
+
+def print_words(said: dict[str, str]) -> None:
+    """What words of a table or a verdict mean, a line each."""
+    for word, text in said.items():
+        out.print(f"{word}: {text}", style="dim", markup=False, highlight=False, soft_wrap=True)
 
 
 def print_verdicts(claims: list[dict[str, Any]]) -> None:
     """The claims of a study, each with its verdict."""
+    from glossbench.legends import explain_verdicts  # late, as it imports torch
+
     styles = {"holds": "green", "does not hold": "red", "within noise": "yellow"}
     for claim in claims:
         out.print()
         out.print(claim["verdict"], style=styles.get(claim["verdict"], "dim"), end="  ", highlight=False)
         out.print(f"{claim['text']}\n  {claim['summary']}", markup=False, highlight=False)
+    print_words(explain_verdicts(claims))
     out.print()
 
 

@@ -71,9 +71,9 @@ def _told(rows: Sequence[Mapping[str, Any]], over: str | None) -> list[tuple[Tex
     asked = [each.get(row["budget"] if over is None else over) for row, each in zip(rows, every, strict=True)]
     if over is None:
         done = [(row["options"], row["n_samples"]) for row in rows if row["status"] == "done"]
-        keys |= {key for key in _differing(every) if done and all(options.get(key) == n for options, n in done)}
+        keys |= {key for key in differing(every) if done and all(options.get(key) == n for options, n in done)}
     shown = [{key: v for key, v in each.items() if key not in keys or _is_tuned(v)} for each in every]
-    texts = {key: texts_of(each[key] for each in shown if key in each) for key in _differing(shown)}
+    texts = {key: texts_of(each[key] for each in shown if key in each) for key in differing(shown)}
     free = {key for key in texts if key in keys or not _follows([each.get(key) for each in shown], asked, over is None)}
     told = [{key: text[_key(each[key])] for key, text in texts.items() if key in each} for each in shown]
     return [(own, {key: text for key, text in own.items() if key in free}) for own in told]
@@ -98,7 +98,7 @@ def names_of(kind: str, rows: Iterable[Mapping[str, Any]], without: str = "") ->
         alike.setdefault(row[kind], []).append(options[key])
     files = _short_paths([v for each in options.values() for key, v in each.items() if _is_path(key, v)])
     telling = {
-        name: {key: texts_of(each.get(key) for each in every) for key in _differing(every) if key != "file"}
+        name: {key: texts_of(each.get(key) for each in every) for key in differing(every) if key != "file"}
         for name, every in alike.items()
     }
     named = {}
@@ -197,7 +197,7 @@ def _follows(values: Sequence[Any], asked: Sequence[Any], is_budget: bool) -> bo
     return is_single and (is_budget or n_found == len(found))
 
 
-def _differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
+def differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
     """Keys, in order, whose value is not the same in all."""
     keys = dict.fromkeys(key for each in options for key in each)
     return [key for key in keys if len({_key(each.get(key)) for each in options}) > 1]

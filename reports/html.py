@@ -6,20 +6,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from glossbench.citations import cited_by
+from glossbench.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.results import Results, replacing
-from glossbench.rows import listed, parsed
+from glossbench.rows import budget_of, listed, parsed, with_names
 
 from . import figures, pictures
 from .answer import answer_of, drawn
 from .cells import Cell, Group, grouped
 from .descriptions import described
-from .equal import error_at_time, time_at_error
+from .equal import Value, error_at_time, time_at_error
 from .images import MOST_PICTURES, chosen, pictures_of
 from .lines import Floats, axis_of, lines_at
 from .notation import runs
@@ -29,6 +31,7 @@ from .plot_data import plot_data
 from .scripts import TEMPLATES, module, policy
 from .spreadsheet import csv_link
 from .sweeps import SAMPLES, Place, places_of, sweeps_of
+from .times import shade_spread, spread_of, time_notes
 from .typesetting import Press
 
 MANY_PATTERNS = 12
@@ -69,12 +72,15 @@ def write_report(folder: Path) -> Path:
             patterns=_patterns(results, groups),
             n_patterns=MANY_PATTERNS,
             states=_states(results, groups),
-            csv=csv_link(results.cells),
+            csv=csv_link(_named(results.cells)),
             methods=_methods([row["method"] for row in rows]),
             citations=cited_by(_used(rows, metrics), str(study.get("source", ""))),
             seen={key: _seen(rows, key) for key in ("version", "torch", "device", "processor", "seed", "light_key")},
             white=WHITE,
             share=100 - CLIPPED_SHARE,
+            times=time_notes(rows),
+            verdict_words=explain_verdicts(results.claims),
+            table_words=explain_table(rows),
         )
     )
     path = Path(folder) / "report.html"
@@ -95,9 +101,15 @@ def _templates() -> Environment:
         lstrip_blocks=True,
     )
     templates.policies["json.dumps_kwargs"] = {"sort_keys": False}
-    templates.filters |= {"number": figures.number, "count": _count, "samples": _samples}
+    templates.filters |= {"number": figures.number, "count": _count, "samples": _samples, "budget": budget_of}
     templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable, "shortest": _shortest}
+    templates.filters |= {"shade_spread": shade_spread, "spread": _spread}
     return templates
+
+
+def _named(cells: pandas.DataFrame) -> pandas.DataFrame:
+    """The table with what its lights, materials and views are called, which older results do not hold."""
+    return pandas.DataFrame(with_names(cells.to_dict("records")), index=cells.index)
 
 
 def _metrics(study: Mapping[str, Any]) -> dict[str, Any]:
@@ -118,6 +130,10 @@ def _shortest(value: float) -> str:
     return figures.number(value, len(mantissa.replace(".", "")))
 
 
+def _spread(value: Value) -> str:
+    return spread_of(*value)
+
+
 def _samples(value: float) -> str:
     return f"{_count(value)} {'sample' if value == 1 else 'samples'}"
 
@@ -132,7 +148,7 @@ def _sortable(cell: Cell, metrics: Sequence[str], told: bool, tuned: bool) -> li
     row = cell.row
     names = [row["method"], *([cell.options] if told else []), *([listed(row["tuned"])] if tuned else [])]
     if not cell.done:
-        return [*names, row["options"].get("samples")]
+        return [*names, budget_of(row)]
     errors = [0.0 if row["at_noise_floor"] else row[metric] for metric in metrics]
     updates = [row["update_seconds"].get(change, 0) for change in ("light", "material", "geometry", "view")]
     costs = [row["shade_seconds"], sum(row["stage_seconds"].values()), *updates, row["state_bytes"]]

@@ -43,6 +43,7 @@ class Line:
         at_floor: true where the reference cannot resolve the RMS error.
         keys: of the cells; none where a point is a mean over lights.
         band: lower and upper end of the confidence interval, where a point is a mean over three lights or more.
+        spread: shading time [ms] of the fastest and of the slowest run of each point; None where results do not say.
     """
 
     label: Label
@@ -52,6 +53,7 @@ class Line:
     at_floor: Mask
     keys: Sequence[str] = ()
     band: tuple[Floats, Floats] | None = None
+    spread: tuple[Floats, Floats] | None = None
 
     @property
     def name(self) -> str:
@@ -121,6 +123,7 @@ def lines_at(place: Place, metric: str) -> list[Line]:
                 np.array([any(row["at_noise_floor"] for row in point) for point in points]),
                 [point[0]["key"] for point in points] if len(alike) == 1 else (),
                 band,
+                _spread(points),
             )
         )
     return lines
@@ -165,6 +168,15 @@ def front(lines: Sequence[Line], cost: str, axis: Axis) -> list[Mask]:
 
 def _plotted(place: Place, group: Group, metric: str) -> list[Cell]:
     return [cell for cell in group.done if place.sweep.value(cell.row) is not None and cell.row.get(metric) is not None]
+
+
+def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floats] | None:
+    """Shading time [ms] of the fastest and of the slowest run, each the mean over lights."""
+    ends = ("shade_seconds_low", "shade_seconds_high")
+    if any(row.get(end) is None for point in points for row in point for end in ends):
+        return None
+    low, high = (np.array([1e3 * np.mean([float(row[end]) for row in point]) for point in points]) for end in ends)
+    return low, high
 
 
 def _cost(row: Mapping[str, Any], cost: str) -> float:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from glossbench.atomic import replacing
 from glossbench.citations import cited_by
+from glossbench.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.results import Results
 from glossbench.rows import listed, parsed
@@ -53,6 +54,8 @@ def write_report(folder: Path) -> Path:
             "claims": [
                 {"text": c["text"], "verdict": c["verdict"], "summary": c.get("summary", "")} for c in results.claims
             ],
+            "verdict_words": _words(explain_verdicts(results.claims)),
+            "table_words": _words(explain_table(rows)),
             "method": sole_method(groups),
             "answer": answer,
             "errors": errors,
@@ -176,6 +179,10 @@ def _methods(rows: Sequence[Mapping[str, Any]], press: Press) -> list[dict[str, 
         each._asdict() | {"is_set": press.is_equation(each.equation)}
         for each in described([row["method"] for row in rows])
     ]
+
+
+def _words(said: Mapping[str, str]) -> list[dict[str, str]]:
+    return [{"name": name, "text": text} for name, text in said.items()]
 
 
 def _metric(name: str) -> dict[str, Any]:

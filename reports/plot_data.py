@@ -61,6 +61,7 @@ def _line(line: Line, axis: Axis) -> dict[str, Any]:
         "floor": [bool(at) for at in line.at_floor],
         "low": _short(low),
         "high": _short(high),
+        "spread": line.spread and [_short(end) for end in line.spread],
     }
 
 

@@ -162,6 +162,9 @@ def _draw(ax: Axes, panel: Panel) -> None:
         if line.band is not None:
             low, high = line.band
             ax.fill_between(x[seen], low[seen], high[seen], color=_style(line)["color"], alpha=0.15, lw=0)
+        if panel.cost == "shade" and line.spread is not None:
+            low, high = line.spread
+            ax.hlines(line.errors[seen], low[seen], high[seen], colors=line.label.colour, lw=2.5, alpha=0.35)
         ax.plot(x[seen], line.errors[seen], **_style(line) | ({} if seen.sum() > 1 else {"ls": ""}))
         floored = seen & line.at_floor
         ax.plot(x[floored], line.errors[floored], **_style(line) | {"ls": "", "mfc": PAPER})

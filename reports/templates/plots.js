@@ -63,6 +63,7 @@ function plots() {
     if (data.noise > 0) rows.push([`noise of the reference: ${number(data.noise, 2)}`]);
     const shown = new Set(["shade", x].filter((cost) => cost !== "over" && cost !== metric.value));
     for (const cost of shown) rows.push([`${costs[cost]}: ${number(line.x[cost][i])}`]);
+    if (line.spread && shown.has("shade")) rows.push([`runs from ${line.spread.map((end) => number(end[i])).join(" to ")} ms`]);
     if (point.dataset.key) rows.push(["click for its image", "hint"]);
     return rows;
   };
