@@ -55,6 +55,12 @@ def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, An
     return [table.judged(claim) for claim in claims]
 
 
+def cells_of(claim: Claim, cells: pandas.DataFrame) -> set[str]:
+    """Keys of the cells that a claim is about, of all its sides."""
+    table = _Table(cells.to_dict("records"))
+    return {row["key"] for side in sides_of(claim).values() for row in table.picked(claim, side, Counter())}
+
+
 class _Table:
     """The rows of a run, ready to be picked for a claim."""
 
@@ -71,7 +77,7 @@ class _Table:
     def judged(self, claim: Claim) -> dict[str, Any]:
         notes: Counter[str] = Counter()
         sides = [_spelled(side) for side in sides_of(claim).values()]
-        picked = [self._picked(claim, side, notes) for side in sides_of(claim).values()]
+        picked = [self.picked(claim, side, notes) for side in sides_of(claim).values()]
         cases: list[Case] = []
         match claim:
             case LowerClaim():
@@ -100,7 +106,7 @@ class _Table:
         judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict}
         return {**judgement, "numbers": numbers, "summary": summary}
 
-    def _picked(self, claim: Claim, side: Side, notes: Counter[str]) -> list[Row]:
+    def picked(self, claim: Claim, side: Side, notes: Counter[str]) -> list[Row]:
         """The finished cells of a side that a claim is about, the column of the claim being a number."""
         column = claim.metric if isinstance(claim, LowerClaim | SlopeClaim) else claim.of
         about = methods_of(claim)

@@ -18,7 +18,7 @@ from glossbench.results import Results, replacing
 from glossbench.rows import budget_of, listed, parsed, with_names
 
 from . import figures, pictures
-from .answer import answer_of, drawn
+from .answer import answer_of, claimed, drawn
 from .cells import Cell, Group, grouped
 from .descriptions import described
 from .equal import Value, error_at_time, time_at_error
@@ -173,7 +173,7 @@ def _used(rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tup
 
 def _answer(results: Results, groups: Sequence[Group], metrics: Sequence[str]) -> dict[str, Any] | None:
     """The picture of the first screen, under the study's first metric."""
-    answer = answer_of(groups, metrics[0]) if metrics else None
+    answer = answer_of(groups, metrics[0], claimed(results)) if metrics else None
     if answer is None:
         return None
     pictures = drawn(results, answer)

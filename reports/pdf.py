@@ -14,7 +14,7 @@ from glossbench.metrics import METRICS
 from glossbench.results import Results
 from glossbench.rows import listed, parsed
 
-from .answer import answer_of
+from .answer import answer_of, claimed
 from .cells import Group, grouped, sole_method
 from .descriptions import described
 from .equal import error_at_time, time_at_error
@@ -24,10 +24,11 @@ from .notation import runs
 from .print_images import PrintedGroup, middle_budgets, telling_few
 from .print_plots import against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .print_tables import claim_table, cost_table, equal_table, error_tables, reference_table
-from .sweeps import SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
+from .sweeps import FEWEST, SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
 from .typesetting import Press
 
 MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
+MOST_SWEPT = 12  # places of one sweep that are plotted
 MANY_PLACES = 4  # more, and plots of single places move to the appendix
 Titled = tuple[Figure, str]
 
@@ -86,7 +87,7 @@ def _images(
     results: Results, groups: Sequence[Group], metrics: Sequence[str], press: Press
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
     """The figure of the answer; and of each group the whole images and, unless it is the answer's, crops."""
-    answer = answer_of(groups, metrics[0]) if metrics else None
+    answer = answer_of(groups, metrics[0], claimed(results)) if metrics else None
     first, found = None, []
     for group, cells in zip(groups, chosen(groups, MOST_PICTURES), strict=True):
         if not group.done:
@@ -105,7 +106,8 @@ def _images(
 def _plots(
     groups: Sequence[Group], sweeps: Mapping[str, Sweep], metric: str, press: Press
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The study's first metric, and costs, over what the study sweeps; and at each place the metric against costs.
+    """The study's first metric, and costs, over what the study sweeps first, and the metric over each parameter that it
+    sweeps; and at each place the metric against costs.
 
     Second, for the appendix, those of many places. Along a swept parameter the first of many places stands for all.
     """
@@ -117,13 +119,17 @@ def _plots(
     elif len(places) > MANY_PLACES:
         singles, means = ([p for p in places if (len(p.lights) > 1) == is_mean] for is_mean in (False, True))
         places, later = (means, singles) if 0 < len(means) <= MANY_PLACES else (places[:1], places[1:])
-    shown = [*_over_sweep(groups, first, metric), *_at(places, metric, of)]
+    parameters = [sweep for sweep in sweeps.values() if sweep.kind and sweep.n_values >= FEWEST and sweep is not first]
+    swept = [each for sweep in (first, *parameters) for each in _over_sweep(groups, sweep, metric)]
+    shown = [*swept, *_at(places, metric, of)]
     return _printed(shown, press), _printed(_at(later, metric), press)
 
 
 def _over_sweep(groups: Sequence[Group], sweep: Sweep, metric: str) -> list[Titled]:
-    found = []
-    for place in places_of(groups, sweep) if sweep.name != SAMPLES else ():
+    found: list[Titled] = []
+    places = places_of(groups, sweep) if sweep.name != SAMPLES else []
+    left = f", the last of {MOST_SWEPT} of {len(places)} conditions of the study" if len(places) > MOST_SWEPT else ""
+    for i, place in enumerate(places[:MOST_SWEPT], 1):
         panels = over_sweep(place, metric)
         what = metric
         if panels and sweep.kind:
@@ -132,7 +138,8 @@ def _over_sweep(groups: Sequence[Group], sweep: Sweep, metric: str) -> list[Titl
             panels += [panel for cost in COSTS for panel in cost_over_sweep(place, metric, cost)]
             what = f"{metric} and costs"
         if panels:
-            found.append((plot(panels), f"{place.title}: {what} over {sweep.title}"))
+            of = left if i == MOST_SWEPT else ""
+            found.append((plot(panels), f"{place.title}{of}: {what} over {sweep.title}"))
     return found
 
 

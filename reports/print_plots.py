@@ -38,15 +38,15 @@ class Panel(NamedTuple):
 
     @property
     def drawn(self) -> list[Line]:
-        """Its lines."""
-        return [line for line in self.lines if self.facet in (None, line.label.facet)]
+        """Its lines; one of no facet is in all of them."""
+        return [line for line in self.lines if self.facet is None or line.label.facet in (None, self.facet)]
 
     @property
     def title(self) -> str:
         """The options that its lines share, where it has but a part of all lines."""
         if self.facet is None:
             return ""
-        first, *others = (line.label.options for line in self.drawn)
+        first, *others = (line.label.options for line in self.drawn if line.label.facet is not None)
         return ", ".join(f"{key} {v}" for key, v in first.items() if all(other.get(key) == v for other in others))
 
     def x(self, line: Line) -> Floats:
@@ -70,7 +70,7 @@ def facets(panels: Sequence[Panel]) -> list[Panel]:
     """A panel for each facet, where there are as many lines that there is more than one."""
     found = []
     for panel in panels:
-        kinds = sorted({line.label.facet for line in panel.lines})
+        kinds = sorted({line.label.facet for line in panel.lines if line.label.facet is not None})
         found += [panel._replace(facet=kind) for kind in kinds] if 1 < len(kinds) <= MOST_FACETS else [panel]
     return found
 

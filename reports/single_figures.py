@@ -13,7 +13,7 @@ from glossbench.metrics import METRICS
 from glossbench.results import Results
 from glossbench.rows import parsed
 
-from .answer import answer_of
+from .answer import answer_of, claimed
 from .cells import Group, grouped
 from .crops import Crop
 from .images import MOST_PICTURES, chosen
@@ -29,7 +29,7 @@ from .typesetting import Format, Press
 def answer(folder: Path, path: Path, *, metric: str | None = None) -> None:
     """The picture of the report's first page: crops of the methods where the metric tells most between them."""
     run = _read(folder, metric)
-    found = answer_of(run.groups, run.metric)
+    found = answer_of(run.groups, run.metric, claimed(run.results))
     if found is None:
         raise InputError(f"{folder} has no cell with an image and {run.metric}")
     with Press() as press:

@@ -26,7 +26,7 @@ class Label:
         colour: that of its method, in a shade of its own where the method has several lines.
         dash: its place among the lines of its method.
         facet: where there are more than `FEW_LINES`, its place among those of its method that share the value of the
-            option that divides them the most evenly; else 0.
+            option that divides them the most evenly; None where none of its method shares one.
         options: those in its name, as text.
         budget: the option that is its method's budget; "" without one.
     """
@@ -36,7 +36,7 @@ class Label:
     method: int
     colour: str
     dash: int = 0
-    facet: int = 0
+    facet: int | None = None
     options: Mapping[str, str] = field(default_factory=dict)
     budget: str = ""
 
@@ -213,6 +213,8 @@ def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
     for method, options, _ in lines.values():
         of_methods.setdefault(method, []).append(options)
     leading = {method: _leading(own) for method, own in of_methods.items()}
+    count = Counter((method, options.get(leading[method])) for method, options, _ in lines.values())
+    divided = {method for (method, _), n in count.items() if n > 1 and len(lines) > FEW_LINES}
     hues = methods_of(groups)
     labels: dict[str, Label] = {}
     place: Counter[str] = Counter()
@@ -221,7 +223,7 @@ def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
         led = method, options.get(leading[method])
         labels[name] = Label(
             name, index, hues[method], shade(hues[method], place[method], len(of_methods[method])), place[method],
-            alike[led] if len(lines) > FEW_LINES else 0, options, budget,
+            alike[led] if method in divided else None, options, budget,
         )  # fmt: skip
         place[method] += 1
         alike[led] += 1

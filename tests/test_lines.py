@@ -11,6 +11,7 @@ from glossbench.reports.cells import grouped
 from glossbench.reports.equal import error_at_time, time_at_error
 from glossbench.reports.figures import COLOURS
 from glossbench.reports.lines import Axis, Line, front, lines_at
+from glossbench.reports.print_plots import facets, over_sweep
 from glossbench.reports.sweeps import Label, places_of, sweeps_of, with_costs
 from glossbench.rows import parsed
 
@@ -399,7 +400,18 @@ def test_many_lines_have_a_facet_for_those_that_share_the_option_that_divides_th
 
     assert [label.facet for label in labels] == [0, 1] * 4
     few = [line.label for line in lines_at(places(given[:9], "k")[0], "rms")]
-    assert [label.facet for label in few] == [0, 0, 0]
+    assert [label.facet for label in few] == [None] * 3
+
+
+def test_a_method_of_one_budget_is_in_every_facet():
+    names = [(f, kind) for f in ("none", "box", "gauss", "cosine") for kind in ("cube", "map")]
+    given = swept([({}, {"filter": f, "storage": kind, "k": k}, 0.1) for f, kind in names for k in (1, 2, 3)])
+    given += [given[0] | {"method": "lookup", "key": f"l{k}", "options": {"k": k}} for k in (1, 2, 3)]
+
+    panels = facets(over_sweep(places(given, "k")[0], "rms"))
+
+    assert [panel.title for panel in panels] == ["storage cube", "storage map"]
+    assert all("lookup" in [line.name for line in panel.drawn] for panel in panels)
 
 
 def test_a_colour_is_a_method_and_its_lines_are_shades_and_dashes():
