@@ -4,6 +4,8 @@ They are matplotlib figures without global state; `svg` gives the same bytes for
 """
 
 import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from io import StringIO
 from typing import Any
 
@@ -52,7 +54,21 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{mantissa}×10{raised}".replace("-", "−")
 
 
-def shade(method: int, i: int, n: int) -> str:
+def looks(methods: Sequence[str], hues: Mapping[str, int]) -> list[tuple[str, int]]:
+    """Of each line, by its method, the colour and the place among the lines of that method, which gives the dashes.
+
+    Args:
+        hues: the place of each method, which gives its colour.
+    """
+    count, place = Counter(methods), Counter[str]()
+    found = []
+    for method in methods:
+        found.append((shade(hues[method], place[method], count[method]), place[method]))
+        place[method] += 1
+    return found
+
+
+def shade(method: int, i: int = 0, n: int = 1) -> str:
     """The colour of a method's line i of n: a sole one has the colour itself; of several the first is the darkest."""
     base = COLOURS[method % len(COLOURS)]
     share = SHADES * (2 * i / (n - 1) - 1) if n > 1 else 0.0

@@ -19,7 +19,7 @@ from glossbench.rows import budget_of, listed, parsed, with_names
 
 from . import figures, pictures
 from .answer import answer_of, claimed, drawn
-from .cells import Cell, Group, grouped
+from .cells import Cell, Group, grouped, methods_of
 from .descriptions import described
 from .equal import Value, error_at_time, time_at_error
 from .images import MOST_PICTURES, chosen, pictures_of
@@ -229,10 +229,17 @@ def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
                 found.setdefault((cell.index, half_vectors.tobytes()), (group, cell, half_vectors))
     if not found or len(found) > MANY_PATTERNS:
         return {"count": len(found), "tiles": []}
+    hues = methods_of([group for group in groups if group.done])
     widest = max(float(np.degrees(h[:, 0].max())) for _, _, h in found.values() if len(h))
     largest = max(5.0, np.ceil(widest / 5) * 5)
     tiles = [
-        {"title": group.title, "cell": cell, "n": len(half_vectors), "dots": figures.polar(half_vectors, largest)}
+        {
+            "title": group.title,
+            "cell": cell,
+            "n": len(half_vectors),
+            "colour": figures.shade(hues[str(cell.row["method"])]),
+            "dots": figures.polar(half_vectors, largest),
+        }
         for group, cell, half_vectors in found.values()
     ]
     return {"count": len(found), "tiles": tiles, "largest": largest}

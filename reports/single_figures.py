@@ -14,8 +14,9 @@ from glossbench.results import Results
 from glossbench.rows import parsed
 
 from .answer import answer_of, claimed
-from .cells import Group, grouped
+from .cells import Group, grouped, methods_of
 from .crops import Crop
+from .figures import looks
 from .images import MOST_PICTURES, chosen
 from .lines import COSTS, axis_of, lines_at
 from .print_images import PrintedGroup, middle_budgets
@@ -69,10 +70,12 @@ def profile(folder: Path, path: Path, *, group: int | None = None) -> None:
     of = _numbered(run, run.groups, group)
     key = of.reference["reference_key"]
     reference, mask = run.results.reference(key), run.results.mask(key)
-    cells = [(cell.name, run.results.image(cell.row["key"])) for cell in middle_budgets(of)]
+    cells = middle_budgets(of)
+    drawn = looks([str(cell.row["method"]) for cell in cells], methods_of(run.groups))
+    images = [(cell.name, run.results.image(cell.row["key"]), look) for cell, look in zip(cells, drawn, strict=True)]
     row = brightest_row(reference, mask)
     with Press() as press:
-        figure = cross_section([("reference", reference), *cells], mask, row)
+        figure = cross_section(reference, images, mask, row)
         alt = f"radiance along row {row} of each method: {of.title}"
         _write(press, path, {"kind": "plot", "alt": alt, **press.figure(figure)})
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from glossbench.rows import KINDS, budget_of, identity, listed, names_of, number_in, stated, told_apart
 
 from .cells import Group, methods_of
-from .figures import shade
+from .figures import looks
 
 SAMPLES = "samples"
 FEW_LINES = 6  # more, and a plot for print is divided
@@ -217,15 +217,13 @@ def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
     divided = {method for (method, _), n in count.items() if n > 1 and len(lines) > FEW_LINES}
     hues = methods_of(groups)
     labels: dict[str, Label] = {}
-    place: Counter[str] = Counter()
+    drawn = looks([method for method, _, _ in lines.values()], hues)
     alike: Counter[tuple[str, str | None]] = Counter()
-    for index, (name, (method, options, budget)) in enumerate(lines.items()):
+    for index, ((name, (method, options, budget)), (colour, dash)) in enumerate(zip(lines.items(), drawn, strict=True)):
         led = method, options.get(leading[method])
         labels[name] = Label(
-            name, index, hues[method], shade(hues[method], place[method], len(of_methods[method])), place[method],
-            alike[led] if method in divided else None, options, budget,
+            name, index, hues[method], colour, dash, alike[led] if method in divided else None, options, budget,
         )  # fmt: skip
-        place[method] += 1
         alike[led] += 1
     return {key: labels[name] for key, name in names.items()}
 
