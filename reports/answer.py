@@ -15,6 +15,7 @@ from glossbench.verdicts import cells_of
 from . import pictures
 from .cells import Cell, Group
 from .crops import Crop, crops_of
+from .images import evenly
 
 MOST_TILES = 5
 Claimed = tuple[str, Collection[str]]  # the text of a claim, and the keys of the cells that it is about
@@ -88,14 +89,10 @@ def telling(cells: Sequence[Cell], metric: str) -> list[Cell]:
         methods.setdefault(cell.row["method"], []).append(cell)
     if len(methods) == 1:
         only = next(iter(methods.values()))
-        picked = only if len(only) <= MOST_TILES else [only[i] for i in _spaced(len(only), MOST_TILES)]
+        picked = evenly(only, MOST_TILES)
     else:
         picked = [own[0] for own in methods.values()][:MOST_TILES]
     return sorted(picked, key=lambda cell: (cell.index, cell.row["n_samples"]))
-
-
-def _spaced(n: int, most: int) -> list[int]:
-    return [round(i * (n - 1) / (most - 1)) for i in range(most)]
 
 
 def _spread(answer: Answer, metric: str) -> float:

@@ -36,6 +36,7 @@ from .typesetting import Press
 
 MANY_PATTERNS = 12
 MANY_STATES = 24
+MOST_ROWS, FEWEST_ROWS = 1000, 5  # of a table, in all and of a light, material and view
 PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
 
 
@@ -63,6 +64,8 @@ def write_report(folder: Path) -> Path:
             metrics=metrics,
             definitions=_metrics(study),
             groups=groups,
+            most=max(FEWEST_ROWS, MOST_ROWS // max(1, len(groups))),
+            most_rows=MOST_ROWS,
             missing=_missing(groups),
             viewer=viewer,
             answer=_answer(results, groups, metrics),
@@ -248,9 +251,12 @@ def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
 def _states(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
     """Pictures of what methods keep, each at an exposure of its own; of the first cells where there are many."""
     tiles: list[dict[str, Any]] = []
+    # One listing of a folder that may hold many thousand files, not one a cell.
+    have = {path.name.partition("_state_")[0] for path in (results.folder / "images").glob("*_state_*.exr")}
     for group in groups:
         for cell in group.done:
-            found = results.pictures(cell.row["key"]) if len(tiles) < MANY_STATES else {}
+            key = cell.row["key"]
+            found = results.pictures(key) if key in have and len(tiles) < MANY_STATES else {}
             for name, image in found.items():
                 shown = np.ones(image.shape[:2], bool)
                 lit = image.max(axis=2) > 0  # an unfolded cube has empty places

@@ -65,7 +65,8 @@ class Line:
         use = ~self.at_floor & (self.errors > 0) & np.isfinite(self.errors)
         if len(set(self.x[use])) < 3 or (self.x[use] <= 0).any():
             return None
-        return float(np.polyfit(np.log(self.x[use]), np.log(self.errors[use]), 1)[0])
+        x, y = np.log(self.x[use]), np.log(self.errors[use])
+        return float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,10 @@ def lines_at(place: Place, metric: str) -> list[Line]:
             Line(
                 place.sweep.labels[points[0][0]["key"]],
                 np.array([place.sweep.value(point[0]) for point in points], float),
-                {cost: np.array([np.mean([_cost(row, cost) for row in point]) for point in points]) for cost in COSTS},
+                {
+                    cost: np.array([sum(_cost(row, cost) for row in point) / len(point) for point in points])
+                    for cost in COSTS
+                },
                 errors,
                 np.array([any(row["at_noise_floor"] for row in point) for point in points]),
                 [point[0]["key"] for point in points] if len(alike) == 1 else (),

@@ -27,6 +27,7 @@ from .print_tables import claim_table, cost_table, equal_table, error_tables, re
 from .sweeps import FEWEST, SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
 from .typesetting import Press
 
+MOST_WITHOUT = 100  # cells without an image that are told one by one
 MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
 MOST_SWEPT = 12  # places of one sweep that are plotted
 MANY_PLACES = 4  # more, and plots of single places move to the appendix
@@ -71,6 +72,7 @@ def write_report(folder: Path) -> Path:
             "metrics": [_metric(name) for name in metrics],
             "references": reference_table(groups),
             "without_image": _without_image(groups),
+            "n_without_image": sum(not cell.done for group in groups for cell in group.cells),
             "numbers": [claim_table(claim) for claim in results.claims if claim.get("numbers")],
             "bibliography": press.add("\n".join(c.bibtex for c in citations).encode(), "bib") if citations else None,
             "study": yaml.safe_dump(study, sort_keys=False, allow_unicode=True, width=112, default_flow_style=None),
@@ -163,9 +165,11 @@ def _printed(figures: Sequence[Titled], press: Press) -> list[dict[str, Any]]:
 
 
 def _equal(places: Sequence[Place], metric: str) -> list[dict[str, Any]]:
-    """Tables of equal time and equal error of each place, where two lines can be compared."""
+    """Tables of equal time and equal error of each place, where two lines can be compared; of many places the means."""
     found = []
-    for place in places:
+    if len(places) > MOST_SWEPT:
+        places = [place for place in places if len(place.lights) > 1] or places
+    for place in places[:MOST_SWEPT]:
         lines, axis = lines_at(place, metric), axis_of(place, metric)
         if by_time := error_at_time(lines, axis):
             found.append(equal_table(by_time, f"{place.title}: {axis.label} at equal shading time", "ms"))
@@ -207,7 +211,7 @@ def _without_image(groups: Sequence[Group]) -> list[dict[str, Any]]:
         for group in groups
         for cell in group.cells
         if not cell.done
-    ]  # fmt: skip
+    ][:MOST_WITHOUT]  # fmt: skip
 
 
 def _facts(provenance: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -13,6 +13,8 @@ from .lines import named
 from .times import shade_spread, spread_of, time_notes
 
 Texts = list[dict[str, Any]]
+MOST_ROWS, FEWEST_ROWS = 600, 5  # of a table, in all and of one part
+MOST_LINES = 40  # of a table of equal times or errors
 MOST_METRICS = 6  # of one table, so that it fits a page
 CHANGES = ("light", "material", "geometry", "view")
 
@@ -101,6 +103,7 @@ def equal_table(table: Table, caption: str, unit: str) -> dict[str, Any]:
         ]}
         for i, (name, values) in enumerate(zip(names, table.rows, strict=True))
     ]  # fmt: skip
+    rows = rows[:MOST_LINES] + _left_out(len(rows) - MOST_LINES, "lines, which count for what is best")
     caption += ", by interpolation"
     if table.has_points:
         caption += "; a line of one budget, or of none, has its own error at any time that suffices for it"
@@ -117,10 +120,11 @@ def claim_table(claim: Mapping[str, Any]) -> dict[str, Any]:
     """The cases of a claim."""
     columns = [_column("where"), *(_column(name) for name in ("a", "b", "bound", "noise", "verdict"))]
     rows = []
-    for case in claim["numbers"]:
+    for case in claim["numbers"][:MOST_ROWS]:
         where = case["where"] if isinstance(case["where"], str) else listed(case["where"])
         texts = [_value(case.get(key)) for key in ("a", "b", "bound", "noise")] + [str(case.get("verdict", ""))]
         rows.append({"name": where, "options": "", "cells": [_text(text) for text in texts]})
+    rows += _left_out(len(claim["numbers"]) - MOST_ROWS, "cases: all are in claims.json")
     groups = [{"title": "", "rows": rows}]
     return {"caption": f"{claim['text']}: {claim['verdict']}.", "columns": columns, "groups": groups}
 
@@ -143,16 +147,24 @@ def _table(
     parts = []
     if only := sole_method(groups):
         columns = [_column(only), *columns[1:]]
+    most = max(FEWEST_ROWS, MOST_ROWS // max(1, len(groups)))
     for group in groups:
         rows = []
-        for cell in group.done if only_done else group.cells:
+        members = group.done if only_done else group.cells
+        for cell in members[:most]:
             row: dict[str, Any] = {"name": cell.row["method"], "options": cell.options}
             if only and cell.options:
                 row = {"name": cell.options, "options": ""}
             rows.append(row | ({"cells": texts(cell, group)} if cell.done else {"outcome": outcome(cell)}))
+        rows += _left_out(len(members) - most, "cells: all are in cells.parquet")
         if rows:
             parts.append({"title": group.title, "rows": rows})
     return {"caption": caption, "columns": columns, "groups": parts}
+
+
+def _left_out(n: int, what: str) -> list[dict[str, Any]]:
+    """A row that says how many are not here, where any are not."""
+    return [{"name": "…", "options": "", "outcome": f"and {n} more {what}"}] if n > 0 else []
 
 
 def outcome(cell: Cell) -> str:
