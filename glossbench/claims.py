@@ -74,7 +74,10 @@ class LowerClaim(_Claim):
 
 
 class SlopeClaim(_Claim):
-    """The least-squares slope of log |metric or cost| over log option lies within bounds, for every curve."""
+    """The least-squares slope of log |metric or cost| over log option lies within bounds, for every curve.
+
+    The option is of the method, or a parameter of the light, material or view: "alpha", or in full "material.alpha".
+    """
 
     kind: ClassVar[str] = "slope"
     slope: Side
@@ -153,14 +156,14 @@ def methods_of(claim: Claim) -> set[str]:
 
 def unknown_name(
     claim: Claim, methods: Mapping[str, Collection[str]], places: Mapping[str, Collection[str]],
-    material_options: Collection[str], metrics: Collection[str], costs: Collection[str],
+    parameters: Mapping[str, Collection[str]], metrics: Collection[str], costs: Collection[str],
 ) -> tuple[tuple[str | int, ...], str] | None:  # fmt: skip
     """The first name in a claim that its study does not have: the path of its key, and the message.
 
     Args:
         methods: the study's methods with the names of their options.
         places: the names that light, material and view each answer to; what is left out is not checked.
-        material_options: options of the study's materials.
+        parameters: the options of the study's lights, materials and views, by "light", "material" and "view".
         metrics: the study's metrics.
         costs: columns of costs that the study's cells have.
     """
@@ -186,20 +189,37 @@ def unknown_name(
     if isinstance(claim, RatioClaim | ValueClaim):
         wanted.append(("of", "column", claim.of, [*metrics, *costs]))
     if isinstance(claim, SlopeClaim):
-        wanted.append(("over", f"option of {method_of(claim.slope)}", claim.over, shared))
+        meant = meanings(claim.over, {"method": shared, **parameters})
+        if len(meant) > 1:
+            return ("over",), f"{claim.over!r} may mean {' or '.join(f'{of}.{key}' for of, key in meant)}: say which"
+        if not meant:
+            every = {*shared, *(key for own in parameters.values() for key in own)}
+            wanted.append(("over", f"option of {method_of(claim.slope)}", claim.over, every))
     if isinstance(claim, LowerClaim | RatioClaim):
         wanted += [("paired_by", "option of both methods", name, shared) for name in claim.paired_by]
     for key, what, name, known in wanted:
         if name not in known:
             return (key,), f"no {what} {name!r} in this study{nearest(name, known)}"
-    restrictable = {*PLACES, *material_options, *set.union(*options)}
+    restrictable = {*PLACES, *parameters["material"], *set.union(*options)}
+    held = {"method": set.union(*options), **parameters}
     for key, value in claim.where.items():
-        if key not in restrictable:
+        if key not in restrictable and not ("." in key and meanings(key, held)):
             text = f"no option {key!r} of its methods or materials{nearest(key, restrictable)}"
             return ("where", key), text
         if problem := _unknown_place(key, value, places):
             return ("where", key), problem
     return None
+
+
+def meanings(name: str, options: Mapping[str, Collection[str]]) -> list[tuple[str, str]]:
+    """What an option's name may mean, as (of, option): `of` is "method", "light", "material" or "view".
+
+    A full name, "material.alpha", means one thing; a short one, "alpha", an option of each that has it.
+    """
+    of, _, rest = name.partition(".")
+    if rest and rest in options.get(of, ()):
+        return [(of, rest)]
+    return [(each, name) for each, own in options.items() if name in own]
 
 
 def _unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
@@ -233,6 +253,9 @@ def within(row: Mapping[str, Any], where: Mapping[str, Any], of_methods: Collect
     for key, wanted in where.items():
         if key in PLACES:
             fits = any(_is_called(one, row[key], row[f"{key}_options"]) for one in _listed(wanted))
+        elif key.partition(".")[0] in PLACES:
+            of, _, option = key.partition(".")
+            fits = option in row[f"{of}_options"] and agrees(wanted, row[f"{of}_options"][option])
         elif key in row["options"] or key in of_methods:
             fits = key not in row["options"] or agrees(wanted, row["options"][key])
         else:

@@ -153,7 +153,7 @@ def run(
         output = Path("results") / f"{loaded.name}_{Path(light).stem}"
     folder = output or Path("results") / loaded.name
     for plugin in loaded.plugins:
-        err.print(f"plugin {plugin}: {origin(plugin)}", markup=False, highlight=False, soft_wrap=True)
+        err.print(f"plugin {plugin}: {origin(plugin)}", soft_wrap=True)
     if dry_run:
         for cell in loaded.cells():
             items = (cell.light, cell.material, cell.view, cell.method)
@@ -302,7 +302,7 @@ def _write_reports(folder: Path, only: Collection[str] = ()) -> tuple[list[Path]
             except Exception as error:  # a report may be a plug-in's
                 at = "" if isinstance(error, InputError) else f"{type(error).__name__}, {_where(error)}: "
                 text = " ".join(f"error: the {name} report was not written: {at}{error}".split())
-                err.print(text, style="red", markup=False, highlight=False, soft_wrap=True)
+                err.print(text, style="red", soft_wrap=True)
                 code = 2 if isinstance(error, InputError) else 1
     return written, code
 

@@ -63,17 +63,18 @@ def print_rows(rows: dict[str, str]) -> None:
 
 def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     """The cells of a run, a row each: names with the options that tell them apart."""
+    from glossbench.legends import explain_table  # late, as it imports torch
+
     rows = [parsed(row) for row in cells.to_dict("records")]
     names = {kind: names_of(kind, rows) for kind in KINDS}
     kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
-    told = {row["method"]: told_apart([other for other in rows if other["method"] == row["method"]])[1] for row in rows}
     table = Table(box=None, pad_edge=False)
     for heading in (*kinds, "method"):
         table.add_column(heading)
     for heading in ("samples", *metrics, "shade ms"):
         table.add_column(heading, justify="right")
-    for row in rows:
-        options = listed({key: row["options"].get(key) for key in told[row["method"]]})
+    for row, (_, line) in zip(rows, told_apart(rows), strict=True):
+        options = listed(line)
         method = f"{row['method']} ({options})" if options else row["method"]
         named = [Text(name) for name in (*(names[kind][identity(kind, row)] for kind in kinds), method)]
         if row["status"] != "done":
@@ -89,15 +90,25 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     for row in rows:
         if row["status"] != "done":
             say(f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}")
+    print_words(explain_table(rows, with_decided=False))
+
+
+def print_words(said: dict[str, str]) -> None:
+    """What words of a table or a verdict mean, a line each."""
+    for word, text in said.items():
+        out.print(f"{word}: {text}", style="dim", soft_wrap=True)
 
 
 def print_verdicts(claims: list[dict[str, Any]]) -> None:
     """The claims of a study, each with its verdict."""
+    from glossbench.legends import explain_verdicts  # late, as it imports torch
+
     styles = {"holds": "green", "does not hold": "red", "within noise": "yellow"}
     for claim in claims:
         out.print()
         out.print(claim["verdict"], style=styles.get(claim["verdict"], "dim"), end="  ")
         out.print(f"{claim['text']}\n  {claim['summary']}")
+    print_words(explain_verdicts(claims))
     out.print()
 
 

@@ -1,36 +1,82 @@
 """Rows of the table of results: their values, and names from the options that tell them apart."""
 
 import json
-from collections.abc import Mapping, Sequence
-from pathlib import PurePath
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 KINDS = ("light", "material", "view")
-JSON = (*(f"{kind}_options" for kind in KINDS), "options", "tuned", "stage_seconds", "update_seconds", "notes")
+JSON = (
+    *(f"{kind}_options" for kind in KINDS),
+    *("options", "tuned", "tune", "stage_seconds", "update_seconds", "notes"),
+)
+USUAL_BUDGET = "samples"  # of results whose rows do not say which option is the method's budget
+Texts = dict[str, str]
 
 
 def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
     """A row with None for what is missing and values for what is JSON."""
-    parsed = {key: None if isinstance(v, float) and np.isnan(v) else v for key, v in row.items()}
+    parsed: dict[str, Any] = {key: None if isinstance(v, float) and np.isnan(v) else v for key, v in row.items()}
     for key in JSON:
         parsed[key] = json.loads(parsed.get(key) or "{}")
+    if parsed.get("budget") is None:
+        parsed["budget"] = USUAL_BUDGET if USUAL_BUDGET in parsed["options"] else ""
     return parsed
 
 
-def told_apart(rows: Sequence[Mapping[str, Any]], over: str = "samples") -> tuple[list[str], list[str]]:
-    """Options that tell the cells of one method apart, beside that which a plot is over; and without what it decides.
+def stated(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a cell as its study states them: of a tuned one how it was tuned, not the value that came out."""
+    how = {key: {"tune": ""} for key in row["tuned"]} | dict(row.get("tune") or {})
+    return {**row["options"], **how}
 
-    Tuned options tell nothing, nor do those that are the number of samples by another name, where that is plotted over.
+
+def number_in(value: Any) -> float | None:
+    """A number as itself, and a list of one number alone, such as the m of an isotropic lobe; else None."""
+    if isinstance(value, list) and value and all(each == value[0] for each in value):
+        return number_in(value[0])
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def budget_of(row: Mapping[str, Any]) -> float | None:
+    """What a cell's method was given of the option that is its budget; None where it has none, or a tuned one."""
+    return number_in(stated(row).get(row["budget"]))
+
+
+def told_apart(rows: Sequence[Mapping[str, Any]], over: str | None = None) -> list[tuple[Texts, Texts]]:
+    """Of each row, as text, the options that tell it from the others of its method; and those that `over` leaves open.
+
+    Args:
+        over: an option that a plot is over, or a parameter, "material.s"; None is the budget of the method. It tells
+            nothing itself, nor does the number of samples by another name; the second of a pair leaves out, too, what
+            it decides alone, as where a study pairs two options. An option that is tuned tells how, not where it ended.
     """
-    options = [row["options"] for row in rows]
-    aside = {over} | {key for row in rows for key in row["tuned"]}
-    if over == "samples":
+    found: list[tuple[Texts, Texts]] = [({}, {})] * len(rows)
+    methods: dict[str, list[int]] = {}
+    for i, row in enumerate(rows):
+        methods.setdefault(row["method"], []).append(i)
+    for places in methods.values():
+        own = _told([rows[i] for i in places], over)
+        for i, texts in zip(places, own, strict=True):
+            found[i] = texts
+    return found
+
+
+def _told(rows: Sequence[Mapping[str, Any]], over: str | None) -> list[tuple[Texts, Texts]]:
+    """As `told_apart`, of rows of one method."""
+    every = [stated(row) for row in rows]
+    keys = {row["budget"] for row in rows} if over is None else {over}
+    asked = [each.get(row["budget"] if over is None else over) for row, each in zip(rows, every, strict=True)]
+    if over is None:
         done = [(row["options"], row["n_samples"]) for row in rows if row["status"] == "done"]
-        aside |= {key for key in _differing(options) if done and all(each.get(key) == n for each, n in done)}
-    told = [key for key in _differing(options) if key not in aside]
-    return told, [key for key in told if not _follows(key, over, options)]
+        keys |= {key for key in differing(every) if done and all(options.get(key) == n for options, n in done)}
+    shown = [{key: v for key, v in each.items() if key not in keys or _is_tuned(v)} for each in every]
+    texts = {key: texts_of(each[key] for each in shown if key in each) for key in differing(shown)}
+    free = {key for key in texts if key in keys or not _follows([each.get(key) for each in shown], asked, over is None)}
+    told = [{key: text[_key(each[key])] for key, text in texts.items() if key in each} for each in shown]
+    return [(own, {key: text for key, text in own.items() if key in free}) for own in told]
 
 
 def identity(kind: str, row: Mapping[str, Any], without: str = "") -> str:
@@ -39,17 +85,41 @@ def identity(kind: str, row: Mapping[str, Any], without: str = "") -> str:
     return json.dumps([row[kind], options], sort_keys=True)
 
 
-def names_of(kind: str, rows: Sequence[Mapping[str, Any]], without: str = "") -> dict[str, str]:
-    """By identity the name of each light, material or view, with the options in which those of one name differ."""
+def names_of(kind: str, rows: Iterable[Mapping[str, Any]], without: str = "") -> Texts:
+    """By identity the name of each light, material or view: different ones have different names.
+
+    A file is called by as much of the end of its path as tells it from others; then come, in brackets, the options in
+    which those of one name differ.
+    """
     known = {identity(kind, row, without): row for row in rows}
+    alike: dict[str, list[dict[str, Any]]] = {}
+    options = {key: {k: v for k, v in row[f"{kind}_options"].items() if k != without} for key, row in known.items()}
+    for key, row in known.items():
+        alike.setdefault(row[kind], []).append(options[key])
+    files = _short_paths([v for each in options.values() for key, v in each.items() if _is_path(key, v)])
+    telling = {
+        name: {key: texts_of(each.get(key) for each in every) for key in differing(every) if key != "file"}
+        for name, every in alike.items()
+    }
     named = {}
     for key, row in known.items():
-        alike = [other[f"{kind}_options"] for other in known.values() if other[kind] == row[kind]]
-        telling = [name for name in _differing(alike) if name not in (without, "file")]
-        text = listed({name: row[f"{kind}_options"].get(name) for name in telling})
-        called = PurePath(row[f"{kind}_options"]["file"]).name if row[kind] == "file" else str(row[kind])
-        named[key] = f"{called} ({text})" if text else called
-    return named
+        own = options[key]
+        file = files.get(own["file"], "") if _is_path("file", own.get("file")) else ""
+        called = " ".join(part for part in ("" if file and row[kind] == "file" else str(row[kind]), file) if part)
+        told = {name: files.get(text[_key(own.get(name))], text[_key(own.get(name))])
+                for name, text in telling[row[kind]].items()}  # fmt: skip
+        named[key] = f"{called} ({listed(told)})" if told else called
+    return _distinct(named)
+
+
+def with_names(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of a whole table, with `light_name`, `material_name` and `view_name` as reports have them."""
+    read = [parsed(row) for row in rows]
+    names = {kind: names_of(kind, read) for kind in KINDS}
+    return [
+        {**row, **{f"{kind}_name": names[kind][identity(kind, each)] for kind in KINDS}}
+        for row, each in zip(rows, read, strict=True)
+    ]
 
 
 def listed(options: Mapping[str, Any]) -> str:
@@ -57,29 +127,77 @@ def listed(options: Mapping[str, Any]) -> str:
     return ", ".join(f"{key} {as_text(value)}" for key, value in options.items())
 
 
-def as_text(value: Any) -> str:
-    """The value of an option, as names have it."""
+def as_text(value: Any, digits: int = 4) -> str:
+    """The value of an option, as names have it; with more than 4 digits also the range of one that was tuned."""
     if isinstance(value, float):
-        return f"{value:.4g}".replace("-", "−")
+        return f"{value:.{digits}g}".replace("-", "−")
     if isinstance(value, list):
-        return f"[{', '.join(as_text(each) for each in value)}]"
+        return f"[{', '.join(as_text(each, digits) for each in value)}]"
+    if _is_tuned(value):
+        span = f"in {as_text(value['range'])}" if digits > 4 and "range" in value else ""
+        return " ".join(part for part in ("tuned", value["tune"] and f"by {value['tune']}", span) if part)
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _follows(key: str, over: str, options: Sequence[Mapping[str, Any]]) -> bool:
+def texts_of(values: Iterable[Any]) -> Texts:
+    """By JSON the text of each value, with as many digits as tell them apart."""
+    known = {_key(value): value for value in values}
+    texts: Texts = {}
+    for digits in (4, 7, 17):
+        texts = {key: as_text(value, digits) for key, value in known.items()}
+        if len(set(texts.values())) == len(known):
+            return texts
+    return {key: text if Counter(texts.values())[text] == 1 else key for key, text in texts.items()}
+
+
+def _key(value: Any) -> str:
+    return json.dumps(value, sort_keys=True)
+
+
+def _is_tuned(value: Any) -> bool:
+    return isinstance(value, dict) and "tune" in value
+
+
+def _is_path(key: str, value: Any) -> bool:
+    """Whether an option names a file, as far as its name or its value tells."""
+    return isinstance(value, str) and (key == "file" or "/" in value or "\\" in value)
+
+
+def _short_paths(paths: Iterable[str]) -> Texts:
+    """Of each path the fewest of its last parts that no other path ends with."""
+    parts = {path: [part for part in re.split(r"[/\\]+", path) if part not in ("", ".")] for path in paths}
+    short: Texts = {}
+    for n in range(1, 1 + max(map(len, parts.values()), default=0)):
+        ends = {path: "/".join(own[-n:]) for path, own in parts.items() if path not in short}
+        count = Counter(ends.values())
+        short |= {path: end for path, end in ends.items() if count[end] == 1}
+    return {path: short.get(path, path) for path in parts}
+
+
+def _distinct(names: Texts) -> Texts:
+    """Names of which a later one that an earlier one has, too, gets a number."""
+    count: Counter[str] = Counter()
+    found = {}
+    for key, name in names.items():
+        count[name] += 1
+        found[key] = name if count[name] == 1 else f"{name} #{count[name]}"
+    return found
+
+
+def _follows(values: Sequence[Any], asked: Sequence[Any], is_budget: bool) -> bool:
     """Whether one option alone decides another, as where a study pairs them: then that tells no two lines apart.
 
     Two values of a budget may go with one of the other; of what is no budget each must have its own.
     """
-    values: dict[str, set[str]] = {}
-    for each in options:
-        values.setdefault(json.dumps(each.get(over)), set()).add(json.dumps(each.get(key)))
-    n_found = len(set[str]().union(*values.values()))
-    is_single = len(values) > 1 and all(len(found) == 1 for found in values.values())
-    return is_single and (over == "samples" or n_found == len(values))
+    found: dict[str, set[str]] = {}
+    for value, decides in zip(values, asked, strict=True):
+        found.setdefault(_key(decides), set()).add(_key(value))
+    n_found = len(set[str]().union(*found.values()))
+    is_single = len(found) > 1 and all(len(own) == 1 for own in found.values())
+    return is_single and (is_budget or n_found == len(found))
 
 
-def _differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
+def differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
     """Keys, in order, whose value is not the same in all."""
     keys = dict.fromkeys(key for each in options for key in each)
-    return [key for key in keys if len({json.dumps(each.get(key)) for each in options}) > 1]
+    return [key for key in keys if len({_key(each.get(key)) for each in options}) > 1]

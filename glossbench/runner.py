@@ -31,6 +31,7 @@ from glossbench.plugins import origin
 from glossbench.provenance import glossbench_version, numerics_hash, processor, provenance, source_hash
 from glossbench.registry import Registry
 from glossbench.results import Results, key_of
+from glossbench.rows import with_names
 from glossbench.scene.points import VIEWS
 from glossbench.shading import METHODS, Image
 from glossbench.stage_cache import StageCache
@@ -106,6 +107,7 @@ def run_study(
         row = executor.run(cell, identity, rerun_failed)
         rows.append(row)
         progress.cell(row)
+    rows = with_names(rows)
     results.finish(
         study.resolved(),
         judge(study.claims, pandas.DataFrame(rows)),
@@ -279,6 +281,8 @@ class _Executor:
             **dict.fromkeys([*self.study.metrics, "rms"], nothing),
             "reference_noise": nothing, "reference_peak_noise": nothing, "reference_target": nothing,
             "reference_mean": nothing, "reference_samples": 0,
+            "tune": json.dumps({cell.method.tune.option: cell.method.spelled()[cell.method.tune.option]}
+                               if cell.method.tune else {}),
             "at_noise_floor": False,
             "n_samples": 0, "stage_seconds": json.dumps(costs.stage_seconds),
             "update_seconds": json.dumps(costs.update_seconds), "shade_seconds": nothing, "state_bytes": 0,

@@ -239,7 +239,7 @@ def _claims(document: Document, study: Study, any_light: bool) -> tuple[Claim, .
     places = {"light": study.lights, "material": study.materials, "view": study.views}
     names = {place: {name for item in items for name in called(item.name, item.options)}
              for place, items in places.items() if not (any_light and place == "light")}  # fmt: skip
-    material_options = {key for item in study.materials for key in item.options}
+    parameters = {place: {key for item in items for key in item.options} for place, items in places.items()}
     found: list[Claim] = []
     stages = [name for method in methods for name in stated_stages(METHODS.get(method))]
     costs = [*COLUMNS, *(f"stage_seconds.{name}" for name in stages), *(f"update_seconds.{name}" for name in CHANGES)]
@@ -251,7 +251,7 @@ def _claims(document: Document, study: Study, any_light: bool) -> tuple[Claim, .
             text = f"{path_text(path)} needs one of the keys {', '.join(KINDS)}, got {got}"
             raise document.error(path, text)
         claim = document.validate(KINDS[kinds[0]], path)
-        problem = unknown_name(claim, methods, names, material_options, study.metrics, costs)
+        problem = unknown_name(claim, methods, names, parameters, study.metrics, costs)
         if problem:
             at = (*path, *problem[0])
             raise document.error(at, f"{path_text(at)}: {problem[1]}")

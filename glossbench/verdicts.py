@@ -3,7 +3,6 @@
 import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from glossbench.claims import (
     SlopeClaim,
     ValueClaim,
     agrees,
+    meanings,
     method_of,
     methods_of,
     options_of,
@@ -41,7 +41,7 @@ from glossbench.comparisons import (
     verdict_on,
 )
 from glossbench.metrics import METRICS
-from glossbench.rows import as_text
+from glossbench.rows import as_text, identity, listed, names_of, number_in, parsed, stated
 
 
 def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
@@ -55,31 +55,29 @@ def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, An
     return [table.judged(claim) for claim in claims]
 
 
+def cells_of(claim: Claim, cells: pandas.DataFrame) -> set[str]:
+    """Keys of the cells that a claim is about, of all its sides."""
+    table = _Table(cells.to_dict("records"))
+    return {row["key"] for side in sides_of(claim).values() for row in table.picked(claim, side, Counter())}
+
+
 class _Table:
     """The rows of a run, ready to be picked for a claim."""
 
     def __init__(self, records: list[Any]) -> None:
-        self.rows: list[Row] = [dict(record) for record in records]
+        self.rows: list[Row] = [parsed(record) for record in records]
         for row in self.rows:
-            for column in ("options", *(f"{place}_options" for place in PLACES)):
-                row[column] = json.loads(row[column])
+            row["options"] = stated(row)  # a tuned value is not one that a claim may ask for
             for column in ("stage_seconds", "update_seconds"):
-                if isinstance(row.get(column), str):
-                    seconds = json.loads(row[column])
-                    row[column] = float(sum(seconds.values()))
-                    row |= {f"{column}.{name}": value for name, value in seconds.items()}
-        self._varying = {place: self._telling(place) for place in PLACES}
-
-    def _telling(self, place: str) -> dict[str, list[str]]:
-        options: dict[str, list[Row]] = {}
-        for row in self.rows:
-            options.setdefault(row[place], []).append(row[f"{place}_options"])
-        return {name: _varying(all_options) for name, all_options in options.items()}
+                seconds = row[column]
+                row[column] = float(sum(seconds.values()))
+                row |= {f"{column}.{name}": value for name, value in seconds.items()}
+        self._names = {place: names_of(place, self.rows) for place in PLACES}
 
     def judged(self, claim: Claim) -> dict[str, Any]:
         notes: Counter[str] = Counter()
         sides = [_spelled(side) for side in sides_of(claim).values()]
-        picked = [self._picked(claim, side, notes) for side in sides_of(claim).values()]
+        picked = [self.picked(claim, side, notes) for side in sides_of(claim).values()]
         cases: list[Case] = []
         match claim:
             case LowerClaim():
@@ -108,7 +106,7 @@ class _Table:
         judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict}
         return {**judgement, "numbers": numbers, "summary": summary}
 
-    def _picked(self, claim: Claim, side: Side, notes: Counter[str]) -> list[Row]:
+    def picked(self, claim: Claim, side: Side, notes: Counter[str]) -> list[Row]:
         """The finished cells of a side that a claim is about, the column of the claim being a number."""
         column = claim.metric if isinstance(claim, LowerClaim | SlopeClaim) else claim.of
         about = methods_of(claim)
@@ -155,43 +153,44 @@ class _Table:
                 own = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), own, strict=True)]
                 if a.get("n_samples") != b.get("n_samples"):  # a pattern may not meet the budget
                     own = [f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(own, (a, b), strict=True)]
-                against = " against ".join(own) if any(own) else ""
+                told = [text or row["method"] for text, row in zip(own, (a, b), strict=True)]
+                against = " against ".join(told) if any(own) else ""
                 yield a, b, _listed([self._place(a, places), _shown(a, keys), against])
 
     def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
+        held = {"method": {key for row in rows for key in row["options"]}}
+        held |= {place: {key for row in rows for key in row[f"{place}_options"]} for place in PLACES}
+        of, option = next(iter(meanings(claim.over, held)), ("method", claim.over))
+        without = {place: option if place == of else "" for place in PLACES}
+        names = {place: names_of(place, self.rows, without[place]) for place in PLACES}
         places: dict[str, list[Row]] = {}
         for row in rows:
-            budget = finite(row["options"].get(claim.over))
+            budget = number_in(row["options" if of == "method" else f"{of}_options"].get(option))
             if (row.get("at_noise_floor") and claim.metric in METRICS.names()) or row[claim.metric] == 0:
                 notes["cells at the noise floor"] += 1
             elif budget is None or budget <= 0:
                 notes[f"cells without a positive {claim.over}"] += 1
             else:
-                places.setdefault(_key(row, []), []).append(row)
-        for place in places.values():
-            for group, own in _curves(place, claim.over):
-                x = np.log([float(row["options"][claim.over]) for row in group])
+                place = [identity(place, row, without[place]) for place in PLACES]
+                places.setdefault(json.dumps(place), []).append({**row, "over": budget})
+        for members in places.values():
+            for group, own in _curves(members):
+                x = np.log([row["over"] for row in group])
                 if len(set(x)) < 3:
                     notes["curves of fewer than 3 points"] += 1
                     continue
                 y = np.log([abs(row[claim.metric]) for row in group])
                 slope = float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
                 verdict = verdict_on(inside(slope, claim.between), [], 0.0)
-                where = _listed([self._place(group[0]), own])
-                yield Case(where, slope, None, list(claim.between), 0.0, verdict, slope)
+                called = [names[place][identity(place, group[0], without[place])] for place in PLACES]
+                yield Case(_listed([*called, own]), slope, None, list(claim.between), 0.0, verdict, slope)
 
     def _place(self, row: Row, places: Collection[str] = PLACES) -> str:
-        parts = []
-        for place in (place for place in PLACES if place in places):
-            options = row[f"{place}_options"]
-            name = PurePath(options["file"]).name if row[place] == "file" else row[place]
-            telling = [key for key in self._varying[place].get(row[place], []) if key != "file"]
-            parts.append(" ".join([name, *(f"{key}={as_text(options[key])}" for key in telling)]))
-        return _listed(parts)
+        return _listed([self._names[place][identity(place, row)] for place in PLACES if place in places])
 
 
 def _spelled(side: Side) -> str:
-    told = " ".join(f"{key}={as_text(value)}" for key, value in (options_of(side) | places_of(side)).items())
+    told = listed(options_of(side) | places_of(side))
     return f"{method_of(side)} ({told})" if told else method_of(side)
 
 
@@ -200,7 +199,7 @@ def _listed(parts: list[str]) -> str:
 
 
 def _shown(row: Row, keys: Collection[str]) -> str:
-    return " ".join(f"{key}={as_text(row['options'].get(key))}" for key in keys)
+    return listed({key: row["options"].get(key) for key in keys})
 
 
 def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -218,15 +217,14 @@ def _key(row: Row, options: Collection[str], places: Collection[str] = PLACES) -
     return json.dumps([about, [row["options"].get(key) for key in options]], sort_keys=True)
 
 
-def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
-    """Rows of one place as curves with one point for each value of an option.
+def _curves(rows: list[Row]) -> list[tuple[list[Row], str]]:
+    """Rows of one place as curves with one point for each value of what the claim is over.
 
-    Rows that share a value are told apart by the option that has the fewest values among them, so that a
-    tuned option, which has a value a cell, never tears a curve apart.
+    Rows that share a value are told apart by the option that has the fewest values among them.
     """
     points: dict[float, list[Row]] = {}
     for row in rows:
-        points.setdefault(row["options"][over], []).append(row)
+        points.setdefault(row["over"], []).append(row)
     differing = {key for same in points.values() for key in _varying(row["options"] for row in same)}
     if not differing:
         return [(rows, "")]
@@ -235,15 +233,13 @@ def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:
     curves = []
     for value in groups[key]:
         part = [row for row in rows if json.dumps(row["options"].get(key)) == value]
-        curves += [
-            (group, " ".join([f"{key}={as_text(json.loads(value))}", own]).strip())
-            for group, own in _curves(part, over)
-        ]
+        curves += [(group, _listed([f"{key} {as_text(json.loads(value))}", own])) for group, own in _curves(part)]
     return curves
 
 
 def _concluded(cases: list[Case], quantity: str, notes: Counter[str]) -> tuple[str, str]:
     """The verdict on a claim and a sentence with the counts and the extreme numbers."""
+    failed = notes.pop("cells failed", 0) if cases else 0
     left_out = "".join(f"; {what}: {count}" for what, count in sorted(notes.items()) if count)
     if not cases:
         why = left_out.removeprefix("; ") or "the run has no cell that it is about"
@@ -255,4 +251,5 @@ def _concluded(cases: list[Case], quantity: str, notes: Counter[str]) -> tuple[s
     span = f"{low.shown:.4g} ({low.where})"
     if len(cases) > 1:
         span = f"from {span} to {high.shown:.4g} ({high.where})"
-    return verdict, f"Holds in {count[HOLDS]} of {len(cases)} cases{noise}; {quantity}: {span}{left_out}."
+    first = f"Judged without {failed} of its cells, which failed. " if failed else ""
+    return verdict, f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{noise}; {quantity}: {span}{left_out}."

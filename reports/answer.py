@@ -1,18 +1,24 @@
 """The picture that shows the answer: the methods side by side where they differ most, and a crop of where they err."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import ValidationError
 
+from glossbench.claims import KINDS
 from glossbench.metrics import METRICS
 from glossbench.results import Results
+from glossbench.rows import budget_of
+from glossbench.verdicts import cells_of
 
 from . import pictures
 from .cells import Cell, Group
 from .crops import Crop, crops_of
+from .images import evenly
 
 MOST_TILES = 5
+Claimed = tuple[str, Collection[str]]  # the text of a claim, and the keys of the cells that it is about
 
 
 class Answer(NamedTuple):
@@ -20,41 +26,59 @@ class Answer(NamedTuple):
 
     Attributes:
         cells: one a method, in the order of the study; of a method with several lines the best.
-        budget: the samples option that all of them share that have one; None without.
+        budget: what all of them share that have one, as "17 samples"; "" without.
+        claim: the text of the claim that chose it; "" without.
     """
 
     group: Group
     cells: Sequence[Cell]
-    budget: int | None
+    budget: str = ""
+    claim: str = ""
 
 
-def answer_of(groups: Sequence[Group], metric: str) -> Answer | None:
-    """Of all groups and budgets the one with the most methods, and of these the one where the metric differs most.
+def answer_of(groups: Sequence[Group], metric: str, claims: Iterable[Claimed] = ()) -> Answer | None:
+    """What the study's first claim is about that has cells: of its places and budgets one; without a claim, of all.
 
-    Differences are taken relative to the mean of the reference, so that no bright light outshouts the others.
+    That is the one with the most methods, and of these the one where the metric differs most, relative to the mean of
+    the reference, so that no bright light outshouts the others.
     """
-    found = [answer for group in groups for answer in _answers(group, metric)]
-    if not found:
-        return None
-    return max(found, key=lambda answer: (len(answer.cells), _spread(answer, metric)))
+    for text, keys in claims:
+        if found := _answer(groups, metric, keys):
+            return found._replace(claim=text)
+    return _answer(groups, metric, None)
 
 
-def _answers(group: Group, metric: str) -> list[Answer]:
+def _answer(groups: Sequence[Group], metric: str, keys: Collection[str] | None) -> Answer | None:
+    found = [answer for group in groups for answer in _answers(group, metric, keys)]
+    return max(found, key=lambda answer: (len(answer.cells), _spread(answer, metric)), default=None)
+
+
+def _answers(group: Group, metric: str, keys: Collection[str] | None) -> list[Answer]:
+    """One a budget that a claim is about; there its own cells stand for its methods, and the best of the others."""
     cells = [cell for cell in group.done if cell.row.get(metric) is not None]
-    budgets = sorted({cell.row["options"]["samples"] for cell in cells if _has_budget(cell)})
-    return [
-        Answer(group, telling([cell for cell in cells if not _has_budget(cell) or _budget(cell) == n], metric), n)
-        for n in budgets or [None]
-        if cells
-    ]
+    own = [cell for cell in cells if keys is None or cell.row["key"] in keys]
+    methods = {cell.row["method"] for cell in own}
+    shown = [*own, *(cell for cell in cells if cell.row["method"] not in methods)]
+    budgets: list[float | None] = [*sorted({n for cell in own if (n := budget_of(cell.row)) is not None})]
+    found = []
+    for n in budgets or [None] if own else ():
+        alike = [cell for cell in shown if n is None or budget_of(cell.row) in (None, n)]
+        names = dict.fromkeys(cell.row["budget"] for cell in alike if budget_of(cell.row) is not None)
+        text = f"{n:g} {' or '.join(names)}" if n is not None else ""
+        found.append(Answer(group, telling(alike, metric), text))
+    return found
 
 
-def _has_budget(cell: Cell) -> bool:
-    return isinstance(cell.row["options"].get("samples"), int)
-
-
-def _budget(cell: Cell) -> int:
-    return int(cell.row["options"]["samples"])
+def claimed(results: Results) -> Iterator[Claimed]:
+    """The claims of a study, in its order, each with the keys of the cells that it is about."""
+    for claim in results.study.get("claims") or ():
+        kind = next((kind for kind in KINDS if kind in claim), None)
+        try:
+            known = KINDS[kind].model_validate(claim) if kind else None
+        except ValidationError:  # of another version
+            known = None
+        if known is not None:
+            yield known.text, cells_of(known, results.cells)
 
 
 def telling(cells: Sequence[Cell], metric: str) -> list[Cell]:
@@ -65,14 +89,10 @@ def telling(cells: Sequence[Cell], metric: str) -> list[Cell]:
         methods.setdefault(cell.row["method"], []).append(cell)
     if len(methods) == 1:
         only = next(iter(methods.values()))
-        picked = only if len(only) <= MOST_TILES else [only[i] for i in _spaced(len(only), MOST_TILES)]
+        picked = evenly(only, MOST_TILES)
     else:
         picked = [own[0] for own in methods.values()][:MOST_TILES]
     return sorted(picked, key=lambda cell: (cell.index, cell.row["n_samples"]))
-
-
-def _spaced(n: int, most: int) -> list[int]:
-    return [round(i * (n - 1) / (most - 1)) for i in range(most)]
 
 
 def _spread(answer: Answer, metric: str) -> float:
@@ -104,6 +124,7 @@ def drawn(results: Results, answer: Answer, size: int = 192) -> dict[str, Any]:
     return {
         "group": answer.group,
         "budget": answer.budget,
+        "claim": answer.claim,
         "reference": tile(reference, None),
         "tiles": [
             {"cell": cell, **tile(*pair)}

@@ -15,7 +15,7 @@ class Cell:
 
     Attributes:
         row: the row of cells.parquet; JSON columns parsed, missing values None.
-        options: those that tell it from the other cells of its method, budget and tuned ones aside; or "".
+        options: those that tell it from the other cells of its method, the budget aside; or "".
         index: the place in the study of this method with the options of its line.
         line: the options without those that the budget decides: what tells the lines of a plot apart.
     """
@@ -65,9 +65,10 @@ def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Grou
     """Cells by light, material and view, in the order of the study."""
     cells = _cells(rows)
     names = {kind: names_of(kind, rows) for kind in KINDS}
+    order = {kind: {key: i for i, key in enumerate(own)} for kind, own in names.items()}
 
     def place(cell: Cell) -> tuple[int, ...]:
-        return tuple(list(names[kind]).index(identity(kind, cell.row)) for kind in KINDS)
+        return tuple(order[kind][identity(kind, cell.row)] for kind in KINDS)
 
     found = []
     for _, members in groupby(sorted(cells, key=place), key=place):
@@ -80,6 +81,12 @@ def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Grou
     return found
 
 
+def methods_of(groups: Sequence[Group]) -> dict[str, int]:
+    """The methods of the cells, each with its place, which decides its colour in all that a report draws."""
+    cells = sorted((cell for group in groups for cell in group.cells), key=lambda cell: cell.index)
+    return {method: i for i, method in enumerate(dict.fromkeys(str(cell.row["method"]) for cell in cells))}
+
+
 def sole_method(groups: Sequence[Group]) -> str:
     """The method that all cells are of; "" where there are several."""
     methods = {str(cell.row["method"]) for group in groups for cell in group.cells}
@@ -88,12 +95,10 @@ def sole_method(groups: Sequence[Group]) -> str:
 
 def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
     """Rows as cells, each with the options that tell it from others of its method."""
-    methods = dict.fromkeys(row["method"] for row in rows)
-    told = {method: told_apart([row for row in rows if row["method"] == method]) for method in methods}
     order: dict[tuple[str, str], int] = {}
     cells = []
-    for row in rows:
-        options, line = (listed({key: row["options"].get(key) for key in keys}) for keys in told[row["method"]])
+    for row, texts in zip(rows, told_apart(rows), strict=True):
+        options, line = map(listed, texts)
         index = order.setdefault((row["method"], line), len(order))
         cells.append(Cell(row, options, index, line))
     return cells

@@ -1,7 +1,7 @@
 """Equal time and equal error: what each line would reach at round times and errors, between the points it has."""
 
 from collections.abc import Callable, Sequence
-from math import exp, floor, log, log10
+from math import exp, floor, inf, log, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +10,22 @@ from .lines import Axis, Floats, Line
 
 FEWEST_COLUMNS, MOST_COLUMNS = 3, 6
 DIGITS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7))  # the second where the first gives too few columns
-Value = float | None
+
+
+class Value(NamedTuple):
+    """What a line would reach by the median time of its runs; low and high, by the fastest and by the slowest.
+
+    `high` is infinite where the slowest run takes too long.
+    """
+
+    middle: float
+    low: float
+    high: float
+
+    @property
+    def has_spread(self) -> bool:
+        """Whether the runs leave it open."""
+        return self.low < self.high
 
 
 class Table(NamedTuple):
@@ -19,50 +34,72 @@ class Table(NamedTuple):
     Attributes:
         at: the heads of the columns.
         rows: a value a column, None beyond the points of a line: nothing is extrapolated.
-        best: of each column the lowest value, where two lines or more have one.
+        best: of each column the place of the line with the lowest value, where its runs are all below those of the
+            others; None where they overlap.
     """
 
     at: Sequence[float]
     lines: Sequence[Line]
-    rows: Sequence[Sequence[Value]]
-    best: Sequence[Value]
+    rows: Sequence[Sequence[Value | None]]
+    best: Sequence[int | None]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a column has no best, as times of runs overlap."""
+        return None in self.best
+
+    @property
+    def has_points(self) -> bool:
+        """Whether a line has one budget alone."""
+        return any(len(line.x) == 1 for line in self.lines)
 
 
 class Curve(NamedTuple):
-    """Log time and log error of the points of a line, in order of time."""
+    """Log time, of the median, the fastest and the slowest run, and log error of the points of a line, by time."""
 
     time: Floats
+    low: Floats
+    high: Floats
     error: Floats
 
-    def error_at(self, time: float) -> Value:
-        """Straight between neighbouring points."""
-        if len(self.time) < 2 or not self.time[0] <= log(time) <= self.time[-1]:
+    def error_at(self, time: float) -> Value | None:
+        """Straight between neighbouring points; of a sole one its own error at any time that suffices for it."""
+        at = log(time)
+        if not len(self.time) or at < self.time[0] or (len(self.time) > 1 and at > self.time[-1]):
             return None
-        return exp(float(np.interp(log(time), self.time, self.error)))
+        # Where runs take less time, less error is reached in it; the slowest may not come to their end.
+        middle, low, high = (exp(float(np.interp(at, t, self.error))) for t in (self.time, self.low, self.high))
+        return Value(middle, min(low, middle), max(high, middle) if at >= self.high[0] else inf)
 
-    def time_at(self, error: float) -> Value:
-        """The least time from which on a segment reaches so low an error; None too where the first point is below."""
+    def time_at(self, error: float) -> Value | None:
+        """The least time from which on a segment reaches so low an error; None too where the first point is below.
+
+        A sole point takes its own time to any error that is not below its own.
+        """
         wanted = log(error)
+        if len(self.time) == 1 and self.error[0] <= wanted:
+            return Value(*(exp(float(t[0])) for t in (self.time, self.low, self.high)))
         if len(self.time) < 2 or self.error[0] < wanted:
             return None
-        for (t0, t1), (e0, e1) in zip(_neighbours(self.time), _neighbours(self.error), strict=True):
+        for i, (e0, e1) in enumerate(zip(self.error[:-1].tolist(), self.error[1:].tolist(), strict=True)):
             if e1 <= wanted <= e0:
                 share = (e0 - wanted) / (e0 - e1) if e0 > e1 else 0.0
-                return exp(t0 + share * (t1 - t0))
+                times = (float(t[i] + share * (t[i + 1] - t[i])) for t in (self.time, self.low, self.high))
+                return Value(*map(exp, times))
         return None
 
 
 def error_at_time(lines: Sequence[Line], axis: Axis) -> Table | None:
     """The error of each line at round shading times [ms]; None where no two lines share one."""
     curves = [_curve(line, axis) for line in lines]
-    ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time) > 1]
+    ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time)]
     return _table(ends, lines, lambda time: [curve.error_at(time) for curve in curves])
 
 
 def time_at_error(lines: Sequence[Line], axis: Axis) -> Table | None:
     """The least shading time [ms] at which each line comes down to round errors; None where no two lines share one."""
     curves = [_curve(line, axis) for line in lines]
-    ends = [(c.error.min(), c.error[0]) for c in curves if len(c.time) > 1]
+    ends = [(c.error.min(), c.error[0]) for c in curves if len(c.error)]
     table = _table(ends, lines, lambda error: [curve.time_at(error) for curve in curves])
     return table and Table(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
 
@@ -70,16 +107,17 @@ def time_at_error(lines: Sequence[Line], axis: Axis) -> Table | None:
 def _curve(line: Line, axis: Axis) -> Curve:
     """Of the points that the reference resolves."""
     time, error = line.costs["shade"], line.errors
-    use = np.isfinite(error) & (error > 0) & (time > 0) & ~line.at_floor & axis.is_log
+    low, high = line.spread or (time, time)
+    use = np.isfinite(error) & (error > 0) & (time > 0) & (low > 0) & ~line.at_floor & axis.is_log
     order = np.argsort(time[use], kind="stable")
-    return Curve(np.log(time[use][order]), np.log(error[use][order]))
+    return Curve(*(np.log(each[use][order]) for each in (time, low, high, error)))
 
 
 def _table(
-    ends: Sequence[tuple[float, float]], lines: Sequence[Line], values_at: Callable[[float], list[Value]]
+    ends: Sequence[tuple[float, float]], lines: Sequence[Line], values_at: Callable[[float], list[Value | None]]
 ) -> Table | None:
     """Columns that two lines or more have a value in, thinned evenly; lines that have one in any."""
-    columns: dict[float, list[Value]] = {}
+    columns: dict[float, list[Value | None]] = {}
     for digits in DIGITS:
         columns = {at: values_at(at) for at in _round_values(ends, digits)}
         columns = {at: found for at, found in columns.items() if sum(value is not None for value in found) > 1}
@@ -91,18 +129,27 @@ def _table(
     kept = [i for i in range(len(lines)) if any(columns[at][i] is not None for at in shared)]
     if not kept:
         return None
-    best = [min(value for value in columns[at] if value is not None) for at in shared]
-    return Table(shared, [lines[i] for i in kept], [[columns[at][i] for at in shared] for i in kept], best)
+    rows = [[columns[at][i] for at in shared] for i in kept]
+    return Table(shared, [lines[i] for i in kept], rows, [_best(column) for column in zip(*rows, strict=True)])
+
+
+def _best(column: Sequence[Value | None]) -> int | None:
+    """The place of the lowest value, where its runs do not overlap with those of another."""
+    (first, best), *others = sorted(
+        ((i, value) for i, value in enumerate(column) if value is not None), key=lambda pair: pair[1]
+    )
+    return first if all(best.high < other.low for _, other in others) else None
 
 
 def _round_values(ends: Sequence[tuple[float, float]], digits: Sequence[float]) -> list[float]:
-    """Digits times powers of ten between the ends of the log intervals, all of them together."""
+    """Digits times powers of ten between the ends of the log intervals, all of them together, and the next above.
+
+    The next one, so that there is a column for points that no interval contains.
+    """
     if not ends:
         return []
     low, high = exp(min(low for low, _ in ends)), exp(max(high for _, high in ends))
-    powers = range(floor(log10(low)), floor(log10(high)) + 1)
-    return [value for power in powers for digit in digits if low <= (value := float(f"{digit}e{power}")) <= high]
-
-
-def _neighbours(values: Floats) -> list[tuple[float, float]]:
-    return list(zip(values[:-1].tolist(), values[1:].tolist(), strict=True))
+    powers = range(floor(log10(low)), floor(log10(high)) + 2)
+    values = [value for power in powers for digit in digits if low <= (value := float(f"{digit}e{power}"))]
+    within = [value for value in values if value <= high]
+    return [*within, values[len(within)]]

@@ -6,7 +6,8 @@ has set.
 
 import re
 import threading
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import StringIO
 from typing import Any
@@ -18,9 +19,14 @@ from matplotlib.figure import Figure
 from .pictures import SIGNED, UNSIGNED, Floats
 
 INK, PAPER = "#1a1a1a", "#fefefe"
-# Okabe and Ito 2008 without yellow and black: told apart by colour-blind readers, on white and on near-black.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-MARKERS = "osD^vPX"  # seven against six colours: 42 lines before a pair repeats
+# A colour a method. Okabe and Ito 2008 without yellow and black, which colour-blind readers tell apart on white and on
+# near-black; after these, for more methods, some of Tol's muted scheme (2021).
+COLOURS = (
+    *("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"),
+    *("#882255", "#999933", "#44aa99", "#7b6fd0", "#117733"),
+)
+SHADES = 0.4  # of the way to white and to black, at most: the lightest and the darkest line of a method
+MARKERS = "osD^vPX"  # one a line: seven against eleven colours
 RC: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 9,
@@ -60,6 +66,29 @@ def number(value: float | None, digits: int = 3) -> str:
         return f"{value:.{max(0, digits - 1 - int(exponent))}f}".replace("-", "−")
     raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
     return f"{mantissa}×10{raised}".replace("-", "−")
+
+
+def looks(methods: Sequence[str], hues: Mapping[str, int]) -> list[tuple[str, int]]:
+    """Of each line, by its method, the colour and the place among the lines of that method, which gives the dashes.
+
+    Args:
+        hues: the place of each method, which gives its colour.
+    """
+    count, place = Counter(methods), Counter[str]()
+    found = []
+    for method in methods:
+        found.append((shade(hues[method], place[method], count[method]), place[method]))
+        place[method] += 1
+    return found
+
+
+def shade(method: int, i: int = 0, n: int = 1) -> str:
+    """The colour of a method's line i of n: a sole one has the colour itself; of several the first is the darkest."""
+    base = COLOURS[method % len(COLOURS)]
+    share = SHADES * (2 * i / (n - 1) - 1) if n > 1 else 0.0
+    target = 255 if share > 0 else 0
+    parts = (int(base[at : at + 2], 16) for at in (1, 3, 5))
+    return "#" + "".join(f"{round(part + abs(share) * (target - part)):02x}" for part in parts)
 
 
 def polar(half_vectors: Floats, largest: float) -> list[tuple[float, float]]:

@@ -6,21 +6,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from glossbench.citations import cited_by
+from glossbench.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.results import Results
-from glossbench.rows import listed, parsed
+from glossbench.rows import budget_of, listed, parsed, with_names
 from glossbench.strict_json import dumps
 
 from . import figures, pictures
-from .answer import answer_of, drawn
-from .cells import Cell, Group, grouped
+from .answer import answer_of, claimed, drawn
+from .cells import Cell, Group, grouped, methods_of
 from .descriptions import described
-from .equal import error_at_time, time_at_error
+from .equal import Value, error_at_time, time_at_error
 from .images import MOST_PICTURES, chosen, pictures_of
 from .lines import Floats, axis_of, lines_at
 from .notation import runs
@@ -30,10 +32,12 @@ from .plot_data import plot_data
 from .scripts import TEMPLATES, module, policy
 from .spreadsheet import csv_link
 from .sweeps import SAMPLES, Place, places_of, sweeps_of
+from .times import shade_spread, spread_of, time_notes
 from .typesetting import Press
 
 MANY_PATTERNS = 12
 MANY_STATES = 24
+MOST_ROWS, FEWEST_ROWS = 1000, 5  # of a table, in all and of a light, material and view
 PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
 
 
@@ -63,6 +67,8 @@ def write_report(folder: Path) -> Path:
             metrics=metrics,
             definitions=_metrics(study),
             groups=groups,
+            most=max(FEWEST_ROWS, MOST_ROWS // max(1, len(groups))),
+            most_rows=MOST_ROWS,
             missing=_missing(groups),
             viewer=viewer,
             answer=_answer(results, groups, metrics),
@@ -72,12 +78,15 @@ def write_report(folder: Path) -> Path:
             patterns=_patterns(results, groups),
             n_patterns=MANY_PATTERNS,
             states=_states(results, groups),
-            csv=csv_link(cells),
+            csv=csv_link(_named(cells)),
             methods=_methods([row["method"] for row in rows]),
             citations=cited_by(_used(rows, metrics), str(study.get("source", ""))),
             seen={key: _seen(rows, key) for key in ("version", "torch", "device", "processor", "seed", "light_key")},
             white=WHITE,
             share=100 - CLIPPED_SHARE,
+            times=time_notes(rows),
+            verdict_words=explain_verdicts(results.claims),
+            table_words=explain_table(rows),
         )
     )
     results.disk.write("report.html", page)
@@ -97,9 +106,15 @@ def _templates() -> Environment:
     )
     templates.policies["json.dumps_function"] = dumps
     templates.policies["json.dumps_kwargs"] = {}
-    templates.filters |= {"number": figures.number, "count": _count, "samples": _samples}
+    templates.filters |= {"number": figures.number, "count": _count, "samples": _samples, "budget": budget_of}
     templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable, "shortest": _shortest}
+    templates.filters |= {"shade_spread": shade_spread, "spread": _spread}
     return templates
+
+
+def _named(cells: pandas.DataFrame) -> pandas.DataFrame:
+    """The table with what its lights, materials and views are called, which older results do not hold."""
+    return pandas.DataFrame(with_names(cells.to_dict("records")), index=cells.index)
 
 
 def _metrics(study: Mapping[str, Any]) -> dict[str, Any]:
@@ -120,6 +135,10 @@ def _shortest(value: float) -> str:
     return figures.number(value, len(mantissa.replace(".", "")))
 
 
+def _spread(value: Value) -> str:
+    return spread_of(*value)
+
+
 def _samples(value: float) -> str:
     return f"{_count(value)} {'sample' if value == 1 else 'samples'}"
 
@@ -134,7 +153,7 @@ def _sortable(cell: Cell, metrics: Sequence[str], told: bool, tuned: bool) -> li
     row = cell.row
     names = [row["method"], *([cell.options] if told else []), *([listed(row["tuned"])] if tuned else [])]
     if not cell.done:
-        return [*names, row["options"].get("samples")]
+        return [*names, budget_of(row)]
     errors = [0.0 if row["at_noise_floor"] else row[metric] for metric in metrics]
     updates = [row["update_seconds"].get(change, 0) for change in ("light", "material", "geometry", "view")]
     costs = [row["shade_seconds"], sum(row["stage_seconds"].values()), *updates, row["state_bytes"]]
@@ -159,7 +178,7 @@ def _used(rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tup
 
 def _answer(results: Results, groups: Sequence[Group], metrics: Sequence[str]) -> dict[str, Any] | None:
     """The picture of the first screen, under the study's first metric."""
-    answer = answer_of(groups, metrics[0]) if metrics else None
+    answer = answer_of(groups, metrics[0], claimed(results)) if metrics else None
     if answer is None:
         return None
     pictures = drawn(results, answer)
@@ -215,10 +234,17 @@ def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
                 found.setdefault((cell.index, half_vectors.tobytes()), (group, cell, half_vectors))
     if not found or len(found) > MANY_PATTERNS:
         return {"count": len(found), "tiles": []}
+    hues = methods_of([group for group in groups if group.done])
     widest = max(float(np.degrees(h[:, 0].max())) for _, _, h in found.values() if len(h))
     largest = max(5.0, np.ceil(widest / 5) * 5)
     tiles = [
-        {"title": group.title, "cell": cell, "n": len(half_vectors), "dots": figures.polar(half_vectors, largest)}
+        {
+            "title": group.title,
+            "cell": cell,
+            "n": len(half_vectors),
+            "colour": figures.shade(hues[str(cell.row["method"])]),
+            "dots": figures.polar(half_vectors, largest),
+        }
         for group, cell, half_vectors in found.values()
     ]
     return {"count": len(found), "tiles": tiles, "largest": largest}
@@ -227,9 +253,12 @@ def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
 def _states(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
     """Pictures of what methods keep, each at an exposure of its own; of the first cells where there are many."""
     tiles: list[dict[str, Any]] = []
+    # One listing of a folder that may hold many thousand files, not one a cell.
+    have = {path.name.partition("_state_")[0] for path in (results.folder / "images").glob("*_state_*.exr")}
     for group in groups:
         for cell in group.done:
-            found = results.pictures(cell.row["key"]) if len(tiles) < MANY_STATES else {}
+            key = cell.row["key"]
+            found = results.pictures(key) if key in have and len(tiles) < MANY_STATES else {}
             for name, image in found.items():
                 shown = np.ones(image.shape[:2], bool)
                 lit = image.max(axis=2) > 0  # an unfolded cube has empty places

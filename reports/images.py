@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from markupsafe import Markup
@@ -12,6 +12,7 @@ from glossbench.results import Results
 from . import figures, pictures
 from .cells import Cell, Group
 
+Item = TypeVar("Item")
 MOST_PICTURES = 72  # of a report
 SIZE = 160  # pixels on the longer side
 
@@ -19,7 +20,7 @@ SIZE = 160  # pixels on the longer side
 def chosen(groups: Sequence[Group], most: int) -> list[list[Cell]]:
     """The cells of each group that are drawn: all; if those are more than `most`, fewer budgets of each line.
 
-    First the smallest, middle and largest budget are kept, then the largest alone, however many that are.
+    First the smallest, middle and largest budget are kept, then the largest alone, then of the lines some, evenly.
     """
     kept: list[list[Cell]] = []
     for n_budgets in (None, 3, 1):
@@ -28,8 +29,16 @@ def chosen(groups: Sequence[Group], most: int) -> list[list[Cell]]:
             for group in groups
         ]
         if sum(map(len, kept)) <= most:
-            break
-    return kept
+            return kept
+    share = max(1, most // max(1, sum(map(bool, kept))))
+    return [evenly(cells, share) for cells in kept]
+
+
+def evenly(items: Sequence[Item], most: int) -> list[Item]:
+    """At most so many of some, at even distances, from the first to the last."""
+    if len(items) <= most:
+        return list(items)
+    return [items[round(i * (len(items) - 1) / max(1, most - 1))] for i in range(most)]
 
 
 def _thinned(line: Any, n_budgets: int | None) -> list[Cell]:

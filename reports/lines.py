@@ -43,6 +43,7 @@ class Line:
         at_floor: true where the reference cannot resolve the RMS error.
         keys: of the cells; none where a point is a mean over lights.
         band: lower and upper end of the confidence interval, where a point is a mean over three lights or more.
+        spread: shading time [ms] of the fastest and of the slowest run of each point; None where results do not say.
     """
 
     label: Label
@@ -52,6 +53,7 @@ class Line:
     at_floor: Mask
     keys: Sequence[str] = ()
     band: tuple[Floats, Floats] | None = None
+    spread: tuple[Floats, Floats] | None = None
 
     @property
     def name(self) -> str:
@@ -63,7 +65,8 @@ class Line:
         use = ~self.at_floor & (self.errors > 0) & np.isfinite(self.errors)
         if len(set(self.x[use])) < 3 or (self.x[use] <= 0).any():
             return None
-        return float(np.polyfit(np.log(self.x[use]), np.log(self.errors[use]), 1)[0])
+        x, y = np.log(self.x[use]), np.log(self.errors[use])
+        return float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
 
 
 @dataclass(frozen=True)
@@ -116,11 +119,15 @@ def lines_at(place: Place, metric: str) -> list[Line]:
             Line(
                 place.sweep.labels[points[0][0]["key"]],
                 np.array([place.sweep.value(point[0]) for point in points], float),
-                {cost: np.array([np.mean([_cost(row, cost) for row in point]) for point in points]) for cost in COSTS},
+                {
+                    cost: np.array([sum(_cost(row, cost) for row in point) / len(point) for point in points])
+                    for cost in COSTS
+                },
                 errors,
                 np.array([any(row["at_noise_floor"] for row in point) for point in points]),
                 [point[0]["key"] for point in points] if len(alike) == 1 else (),
                 band,
+                _spread(points),
             )
         )
     return lines
@@ -128,10 +135,11 @@ def lines_at(place: Place, metric: str) -> list[Line]:
 
 def named(lines: Sequence[Line]) -> tuple[str, list[str]]:
     """A title and a name a line; where all are of one method, the title has it, and the names of its options."""
-    methods = {line.name.partition(" (")[0] for line in lines}
-    if len(methods) > 1 or not all(line.label.options for line in lines):
+    methods = {line.label.method for line in lines}
+    options = {tuple(line.label.options) for line in lines}
+    if len(methods) > 1 or len(options) > 1 or () in options:
         return "", [line.name for line in lines]
-    title = f"{methods.pop()} ({', '.join(lines[0].label.options)})"
+    title = f"{lines[0].name.partition(' (')[0]} ({', '.join(*options)})"
     return title, [", ".join(line.label.options.values()) for line in lines]
 
 
@@ -164,6 +172,15 @@ def front(lines: Sequence[Line], cost: str, axis: Axis) -> list[Mask]:
 
 def _plotted(place: Place, group: Group, metric: str) -> list[Cell]:
     return [cell for cell in group.done if place.sweep.value(cell.row) is not None and cell.row.get(metric) is not None]
+
+
+def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floats] | None:
+    """Shading time [ms] of the fastest and of the slowest run, each the mean over lights."""
+    ends = ("shade_seconds_low", "shade_seconds_high")
+    if any(row.get(end) is None for point in points for row in point for end in ends):
+        return None
+    low, high = (np.array([1e3 * np.mean([float(row[end]) for row in point]) for point in points]) for end in ends)
+    return low, high
 
 
 def _cost(row: Mapping[str, Any], cost: str) -> float:

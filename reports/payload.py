@@ -28,7 +28,7 @@ from glossbench.results import Results
 from glossbench.strict_json import dumps
 
 from . import figures, pictures
-from .cells import Cell, Group
+from .cells import Cell, Group, methods_of
 
 INLINE = 32_000_000  # bytes of half floats, before deflation, up to which the page holds its images itself
 FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # of a map's longer side, and of the maps of all cells together, at most
@@ -79,10 +79,11 @@ def payload(results: Results, groups: Sequence[Group], metric: str | None = None
     blocks: dict[str, str] = {}
     files: set[str] = set()
     described = []
+    hues = methods_of(shown)
     for group in shown:
         ranges: dict[str, list[Floats]] = {mode: [] for mode in ERRORS}
         entries = []
-        for entry, planes in _images(results, group, metric, reduction, ranges):
+        for entry, planes in _images(results, group, metric, reduction, ranges, hues):
             data = packed(planes)
             name = sha256(data).hexdigest()[:20]
             if inline:
@@ -141,7 +142,12 @@ def error(mode: str, x: Floats, y: Floats) -> Floats:
 
 
 def _images(
-    results: Results, group: Group, metric: str | None, reduction: int, ranges: Mapping[str, list[Floats]]
+    results: Results,
+    group: Group,
+    metric: str | None,
+    reduction: int,
+    ranges: Mapping[str, list[Floats]],
+    hues: Mapping[str, int],
 ) -> Iterator[tuple[dict[str, Any], Planes]]:
     """Reference and cells of a group, one after the other; the errors met on the way are added to `ranges`."""
     key = group.reference["reference_key"]
@@ -160,7 +166,7 @@ def _images(
             seen.append(
                 flip[mask][::step] if mode == "flip" else error(mode, image[mask][::step], reference[mask][::step])
             )
-        yield _entry(cell, metric), _halves(image, flip)
+        yield _entry(cell, metric) | {"colour": figures.shade(hues[str(cell.row["method"])])}, _halves(image, flip)
 
 
 def _entry(cell: Cell, metric: str | None) -> dict[str, Any]:

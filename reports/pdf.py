@@ -9,11 +9,12 @@ from matplotlib.figure import Figure
 
 from glossbench.atomic import replacing
 from glossbench.citations import cited_by
+from glossbench.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.results import Results
 from glossbench.rows import listed, parsed
 
-from .answer import answer_of
+from .answer import answer_of, claimed
 from .cells import Group, grouped, sole_method
 from .descriptions import described
 from .equal import error_at_time, time_at_error
@@ -23,10 +24,12 @@ from .notation import runs
 from .print_images import PrintedGroup, middle_budgets, telling_few
 from .print_plots import against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .print_tables import claim_table, cost_table, equal_table, error_tables, reference_table
-from .sweeps import SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
+from .sweeps import FEWEST, SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
 from .typesetting import Press
 
+MOST_WITHOUT = 100  # cells without an image that are told one by one
 MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
+MOST_SWEPT = 12  # places of one sweep that are plotted
 MANY_PLACES = 4  # more, and plots of single places move to the appendix
 Titled = tuple[Figure, str]
 
@@ -52,6 +55,8 @@ def write_report(folder: Path) -> Path:
             "question": " ".join(str(study.get("question") or "").split()),
             "facts": [*_facts(results.provenance, rows), *results.remarks(cells)],
             "claims": [{"text": c["text"], "verdict": c["verdict"], "summary": c.get("summary", "")} for c in claims],
+            "verdict_words": _words(explain_verdicts(claims)),
+            "table_words": _words(explain_table(rows)),
             "method": sole_method(groups),
             "answer": answer,
             "errors": errors,
@@ -66,6 +71,7 @@ def write_report(folder: Path) -> Path:
             "metrics": [_metric(name) for name in metrics],
             "references": reference_table(groups),
             "without_image": _without_image(groups),
+            "n_without_image": sum(not cell.done for group in groups for cell in group.cells),
             "numbers": [claim_table(claim) for claim in claims if claim.get("numbers")],
             "bibliography": press.add("\n".join(c.bibtex for c in citations).encode(), "bib") if citations else None,
             "study": yaml.safe_dump(study, sort_keys=False, allow_unicode=True, width=112, default_flow_style=None),
@@ -82,7 +88,7 @@ def _images(
     results: Results, groups: Sequence[Group], metrics: Sequence[str], press: Press
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
     """The figure of the answer; and of each group the whole images and, unless it is the answer's, crops."""
-    answer = answer_of(groups, metrics[0]) if metrics else None
+    answer = answer_of(groups, metrics[0], claimed(results)) if metrics else None
     first, found = None, []
     for group, cells in zip(groups, chosen(groups, MOST_PICTURES), strict=True):
         if not group.done:
@@ -101,7 +107,8 @@ def _images(
 def _plots(
     groups: Sequence[Group], sweeps: Mapping[str, Sweep], metric: str, press: Press
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The study's first metric, and costs, over what the study sweeps; and at each place the metric against costs.
+    """The study's first metric, and costs, over what the study sweeps first, and the metric over each parameter that it
+    sweeps; and at each place the metric against costs.
 
     Second, for the appendix, those of many places. Along a swept parameter the first of many places stands for all.
     """
@@ -113,13 +120,17 @@ def _plots(
     elif len(places) > MANY_PLACES:
         singles, means = ([p for p in places if (len(p.lights) > 1) == is_mean] for is_mean in (False, True))
         places, later = (means, singles) if 0 < len(means) <= MANY_PLACES else (places[:1], places[1:])
-    shown = [*_over_sweep(groups, first, metric), *_at(places, metric, of)]
+    parameters = [sweep for sweep in sweeps.values() if sweep.kind and sweep.n_values >= FEWEST and sweep is not first]
+    swept = [each for sweep in (first, *parameters) for each in _over_sweep(groups, sweep, metric)]
+    shown = [*swept, *_at(places, metric, of)]
     return _printed(shown, press), _printed(_at(later, metric), press)
 
 
 def _over_sweep(groups: Sequence[Group], sweep: Sweep, metric: str) -> list[Titled]:
-    found = []
-    for place in places_of(groups, sweep) if sweep.name != SAMPLES else ():
+    found: list[Titled] = []
+    places = places_of(groups, sweep) if sweep.name != SAMPLES else []
+    left = f", the last of {MOST_SWEPT} of {len(places)} conditions of the study" if len(places) > MOST_SWEPT else ""
+    for i, place in enumerate(places[:MOST_SWEPT], 1):
         panels = over_sweep(place, metric)
         what = metric
         if panels and sweep.kind:
@@ -128,7 +139,8 @@ def _over_sweep(groups: Sequence[Group], sweep: Sweep, metric: str) -> list[Titl
             panels += [panel for cost in COSTS for panel in cost_over_sweep(place, metric, cost)]
             what = f"{metric} and costs"
         if panels:
-            found.append((plot(panels), f"{place.title}: {what} over {sweep.title}"))
+            of = left if i == MOST_SWEPT else ""
+            found.append((plot(panels), f"{place.title}{of}: {what} over {sweep.title}"))
     return found
 
 
@@ -152,9 +164,11 @@ def _printed(figures: Sequence[Titled], press: Press) -> list[dict[str, Any]]:
 
 
 def _equal(places: Sequence[Place], metric: str) -> list[dict[str, Any]]:
-    """Tables of equal time and equal error of each place, where two lines can be compared."""
+    """Tables of equal time and equal error of each place, where two lines can be compared; of many places the means."""
     found = []
-    for place in places:
+    if len(places) > MOST_SWEPT:
+        places = [place for place in places if len(place.lights) > 1] or places
+    for place in places[:MOST_SWEPT]:
         lines, axis = lines_at(place, metric), axis_of(place, metric)
         if by_time := error_at_time(lines, axis):
             found.append(equal_table(by_time, f"{place.title}: {axis.label} at equal shading time", "ms"))
@@ -177,6 +191,10 @@ def _methods(rows: Sequence[Mapping[str, Any]], press: Press) -> list[dict[str, 
     ]
 
 
+def _words(said: Mapping[str, str]) -> list[dict[str, str]]:
+    return [{"name": name, "text": text} for name, text in said.items()]
+
+
 def _metric(name: str) -> dict[str, Any]:
     if name not in METRICS.names():
         return {"name": name, "unit": "", "formula": runs("defined by a plug-in")}
@@ -192,7 +210,7 @@ def _without_image(groups: Sequence[Group]) -> list[dict[str, Any]]:
         for group in groups
         for cell in group.cells
         if not cell.done
-    ]  # fmt: skip
+    ][:MOST_WITHOUT]  # fmt: skip
 
 
 def _facts(provenance: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[str]:

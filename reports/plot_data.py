@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from .cells import Group
-from .figures import COLOURS
 from .lines import COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at
 from .sweeps import Place, Sweep, places_of, with_costs
 
@@ -16,7 +15,6 @@ def plot_data(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metrics: Seq
     return {
         "costs": COSTS,
         "negligible": NEGLIGIBLE,
-        "colours": COLOURS,
         "metrics": list(metrics),
         "sweeps": [
             {
@@ -63,6 +61,7 @@ def _line(line: Line, axis: Axis) -> dict[str, Any]:
         "floor": [bool(at) for at in line.at_floor],
         "low": _short(low),
         "high": _short(high),
+        "spread": line.spread and [_short(end) for end in line.spread],
     }
 
 

@@ -13,9 +13,12 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from .figures import COLOURS, INK, MARKERS, PAPER, RC, number, style
+from .images import evenly
 from .lines import CONFIDENCE, COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at, named
 from .sweeps import SAMPLES, Place
 
+MOST_FACETS = 4
+MOST_LINES = 40  # of a plot: more, and the key takes the page
 WIDTH = 6.53  # inches of text across a page
 SMALL = {**RC, "font.size": 7.5, "lines.linewidth": 1.1, "lines.markersize": 4}
 DASHES: Sequence[Any] = ("-", (0, (5, 1.5)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 1.5)))
@@ -25,26 +28,28 @@ class Panel(NamedTuple):
     """One plot of a metric or cost: over the swept quantity, or against a cost.
 
     Attributes:
-        dash: of the lines that are drawn; None for all. Panels of the same lines have the same scales.
+        facet: of the lines that are drawn; None for all. Panels of the same lines have the same scales.
+        left_out: how many lines more there are than a key has room for.
     """
 
     place: Place
     lines: Sequence[Line]
     axis: Axis
     cost: str = ""
-    dash: int | None = None
+    facet: int | None = None
+    left_out: int = 0
 
     @property
     def drawn(self) -> list[Line]:
-        """Its lines."""
-        return [line for line in self.lines if self.dash in (None, line.label.dash)]
+        """Its lines; one of no facet is in all of them."""
+        return [line for line in self.lines if self.facet is None or line.label.facet in (None, self.facet)]
 
     @property
     def title(self) -> str:
         """The options that its lines share, where it has but a part of all lines."""
-        if self.dash is None:
+        if self.facet is None:
             return ""
-        first, *others = (line.label.options for line in self.drawn)
+        first, *others = (line.label.options for line in self.drawn if line.label.facet is not None)
         return ", ".join(f"{key} {v}" for key, v in first.items() if all(other.get(key) == v for other in others))
 
     def x(self, line: Line) -> Floats:
@@ -61,32 +66,36 @@ class Panel(NamedTuple):
 def over_sweep(place: Place, metric: str) -> list[Panel]:
     """A metric over what is swept, where a line has more than one value of it."""
     lines = lines_at(place, metric)
-    return [Panel(place, lines, axis_of(place, metric))] if any(len(set(line.x)) > 1 for line in lines) else []
+    shown = evenly(lines, MOST_LINES)
+    panel = Panel(place, shown, axis_of(place, metric), left_out=len(lines) - len(shown))
+    return [panel] if any(len(set(line.x)) > 1 for line in lines) else []
 
 
 def facets(panels: Sequence[Panel]) -> list[Panel]:
-    """A panel for each kind of dashes, where there are as many lines that there is more than one."""
+    """A panel for each facet, where there are as many lines that there is more than one."""
     found = []
     for panel in panels:
-        dashes = sorted({line.label.dash for line in panel.lines})
-        found += [panel._replace(dash=dash) for dash in dashes] if 1 < len(dashes) <= len(DASHES) else [panel]
+        kinds = sorted({line.label.facet for line in panel.lines if line.label.facet is not None})
+        found += [panel._replace(facet=kind) for kind in kinds] if 1 < len(kinds) <= MOST_FACETS else [panel]
     return found
 
 
 def cost_over_sweep(place: Place, metric: str, cost: str) -> list[Panel]:
     """A cost of the cells that have a metric, over what is swept."""
-    lines = [costing(line, cost) for line in lines_at(place, metric)]
-    return [Panel(place, lines, Axis(COSTS[cost]))] if any((line.errors > 0).any() for line in lines) else []
+    every = lines_at(place, metric)
+    lines = [costing(line, cost) for line in evenly(every, MOST_LINES)]
+    panel = Panel(place, lines, Axis(COSTS[cost]), left_out=len(every) - len(lines))
+    return [panel] if any((line.errors > 0).any() for line in lines) else []
 
 
 def against_costs(place: Place, metric: str) -> list[Panel]:
     """A metric against each cost that two lines have."""
-    lines, axis = lines_at(place, metric), axis_of(place, metric)
-    found = []
+    every, axis = lines_at(place, metric), axis_of(place, metric)
+    lines, found = evenly(every, MOST_LINES), []
     for cost in COSTS:
         with_cost = [line for line in lines if (axis.shows(line.errors) & (line.costs[cost] >= NEGLIGIBLE[cost])).any()]
         if len(with_cost) > 1 or (with_cost and len(lines) == 1):
-            found.append(Panel(place, lines, axis, cost))
+            found.append(Panel(place, lines, axis, cost, left_out=len(every) - len(lines)))
     return found
 
 
@@ -104,7 +113,7 @@ def plot(panels: Sequence[Panel]) -> Figure:
     longest = max(map(len, names))
     in_key = 1 if len(panels) == 1 or longest > 58 else 2 if longest > 32 else 3
     height = (
-        (1.4 if rows > 1 and first.dash is None else 1.9) * rows
+        (1.4 if rows > 1 and first.facet is None else 1.9) * rows
         + 0.15 * (ceil((len(names) + 3) / in_key) + bool(title))
         + 0.1
     )
@@ -126,6 +135,8 @@ def plot(panels: Sequence[Panel]) -> Figure:
         handles.append(Line2D([], [], color=INK, lw=0.8, ls=(0, (3, 2)), label="Pareto front"))
     if any(line.band is not None for line in first.lines):
         handles.append(Patch(color=COLOURS[0], alpha=0.2, lw=0, label=f"{100 * CONFIDENCE:.0f} % over lights"))
+    if first.left_out:
+        handles.append(Line2D([], [], lw=0, label=f"{first.left_out} more lines are not drawn here"))
     _key(figure, handles, in_key, title)
     return figure
 
@@ -133,6 +144,7 @@ def plot(panels: Sequence[Panel]) -> Figure:
 @style(SMALL)
 def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
     """Dots: the metric of each method, for a study with one budget."""
+    left_out, lines = max(0, len(lines) - MOST_LINES), evenly(lines, MOST_LINES)
     figure = Figure(figsize=(WIDTH, 0.75 + 0.2 * len(lines)), layout="constrained")
     ax = figure.add_subplot()
     for row, line in enumerate(lines):
@@ -142,7 +154,8 @@ def error_by_method(lines: Sequence[Line], axis: Axis) -> Figure:
             ax.plot(errors, np.full(len(errors), row), **style)
     ax.set_ylim(len(lines) - 0.4, -0.6)
     title, names = named(lines)
-    ax.set_title(title, loc="left", size="medium")
+    more = f"{left_out} more lines are not drawn here" if left_out else ""
+    ax.set_title("; ".join(text for text in (title, more) if text), loc="left", size="medium")
     ax.set_yticks(range(len(lines)), names)
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="y", color=INK, alpha=0.15, linewidth=0.6)
@@ -160,6 +173,9 @@ def _draw(ax: Axes, panel: Panel) -> None:
         if line.band is not None:
             low, high = line.band
             ax.fill_between(x[seen], low[seen], high[seen], color=_style(line)["color"], alpha=0.15, lw=0)
+        if panel.cost == "shade" and line.spread is not None:
+            low, high = line.spread
+            ax.hlines(line.errors[seen], low[seen], high[seen], colors=line.label.colour, lw=2.5, alpha=0.35)
         ax.plot(x[seen], line.errors[seen], **_style(line) | ({} if seen.sum() > 1 else {"ls": ""}))
         floored = seen & line.at_floor
         ax.plot(x[floored], line.errors[floored], **_style(line) | {"ls": "", "mfc": PAPER})
@@ -198,7 +214,7 @@ def _slope(line: Line, axis: Axis) -> str:
 def _style(line: Line) -> dict[str, Any]:
     label = line.label
     return {
-        "color": COLOURS[label.hue % len(COLOURS)],
+        "color": label.colour,
         "marker": MARKERS[label.index % len(MARKERS)],
         "ls": DASHES[label.dash % len(DASHES)],
     }

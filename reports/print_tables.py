@@ -10,8 +10,11 @@ from .cells import Cell, Group, sole_method
 from .equal import Table
 from .figures import number
 from .lines import named
+from .times import shade_spread, spread_of, time_notes
 
 Texts = list[dict[str, Any]]
+MOST_ROWS, FEWEST_ROWS = 600, 5  # of a table, in all and of one part
+MOST_LINES = 40  # of a table of equal times or errors
 MOST_METRICS = 6  # of one table, so that it fits a page
 CHANGES = ("light", "material", "geometry", "view")
 
@@ -39,7 +42,7 @@ def _errors(groups: Sequence[Group], metrics: Sequence[str]) -> dict[str, Any]:
     caption = (
         "Errors and costs of all cells. Bold: the best of its light, material and view. At the noise floor: the RMS "
         "error is within twice the reference's own noise, so the reference cannot tell how large it is; such cells "
-        "share the best place. Shading time of a warm run; state is what the stages leave in memory."
+        "share the best place. Shading time of warm runs; state is what the stages leave in memory."
     )
     return _table(caption, columns, groups, texts)
 
@@ -56,11 +59,14 @@ def cost_table(groups: Sequence[Group]) -> dict[str, Any]:
         seconds = [row["shade_seconds"], sum(row["stage_seconds"].values())]
         seconds += [row["update_seconds"].get(change, 0) for change in asked]
         state = _text(number(row["state_bytes"] / 1e6))
-        return [_text(whole(row["n_samples"])), *(_text(number(1e3 * s)) for s in seconds), state]
+        times = [number(1e3 * s) for s in seconds]
+        times[0] = _with_spread(times[0], shade_spread(row))
+        return [_text(whole(row["n_samples"])), *map(_text, times), state]
 
     caption = (
         "Costs of all cells. Stages: all precomputation; new: the part of it that must be redone when that changes."
     )
+    caption = " ".join([caption, *time_notes(done)])
     if unasked := [change for change in CHANGES if change not in asked]:
         caption += f" Nothing must be redone for a new {' or '.join(unasked)}."
     return _table(caption, columns, groups, texts, only_done=True)
@@ -92,22 +98,33 @@ def equal_table(table: Table, caption: str, unit: str) -> dict[str, Any]:
     columns = [_column(title or "method"), *(_column(number(at, 1), unit) for at in table.at)]
     rows = [
         {"name": name, "options": "", "cells": [
-            _text(number(value), value is not None and value == best)
+            _text(_with_spread(number(value.middle), spread_of(*value)) if value else "–", best == i)
             for value, best in zip(values, table.best, strict=True)
         ]}
-        for name, values in zip(names, table.rows, strict=True)
+        for i, (name, values) in enumerate(zip(names, table.rows, strict=True))
     ]  # fmt: skip
-    return {"caption": f"{caption}, by interpolation.", "columns": columns, "groups": [{"title": "", "rows": rows}]}
+    rows = rows[:MOST_LINES] + _left_out(len(rows) - MOST_LINES, "lines, which count for what is best")
+    caption += ", by interpolation"
+    if table.has_points:
+        caption += "; a line of one budget, or of none, has its own error at any time that suffices for it"
+    if any(value and value.has_spread for values in table.rows for value in values):
+        caption += "; below, by the fastest and the slowest runs: where these overlap no line is the best"
+    return {"caption": f"{caption}.", "columns": columns, "groups": [{"title": "", "rows": rows}]}
+
+
+def _with_spread(middle: str, spread: str) -> str:
+    return f"{middle}\n{spread}" if spread else middle
 
 
 def claim_table(claim: Mapping[str, Any]) -> dict[str, Any]:
     """The cases of a claim."""
     columns = [_column("where"), *(_column(name) for name in ("a", "b", "bound", "noise", "verdict"))]
     rows = []
-    for case in claim["numbers"]:
+    for case in claim["numbers"][:MOST_ROWS]:
         where = case["where"] if isinstance(case["where"], str) else listed(case["where"])
         texts = [_value(case.get(key)) for key in ("a", "b", "bound", "noise")] + [str(case.get("verdict", ""))]
         rows.append({"name": where, "options": "", "cells": [_text(text) for text in texts]})
+    rows += _left_out(len(claim["numbers"]) - MOST_ROWS, "cases: all are in claims.json")
     groups = [{"title": "", "rows": rows}]
     return {"caption": f"{claim['text']}: {claim['verdict']}.", "columns": columns, "groups": groups}
 
@@ -130,16 +147,24 @@ def _table(
     parts = []
     if only := sole_method(groups):
         columns = [_column(only), *columns[1:]]
+    most = max(FEWEST_ROWS, MOST_ROWS // max(1, len(groups)))
     for group in groups:
         rows = []
-        for cell in group.done if only_done else group.cells:
+        members = group.done if only_done else group.cells
+        for cell in members[:most]:
             row: dict[str, Any] = {"name": cell.row["method"], "options": cell.options}
             if only and cell.options:
                 row = {"name": cell.options, "options": ""}
             rows.append(row | ({"cells": texts(cell, group)} if cell.done else {"outcome": outcome(cell)}))
+        rows += _left_out(len(members) - most, "cells: all are in cells.parquet")
         if rows:
             parts.append({"title": group.title, "rows": rows})
     return {"caption": caption, "columns": columns, "groups": parts}
+
+
+def _left_out(n: int, what: str) -> list[dict[str, Any]]:
+    """A row that says how many are not here, where any are not."""
+    return [{"name": "…", "options": "", "outcome": f"and {n} more {what}"}] if n > 0 else []
 
 
 def outcome(cell: Cell) -> str:

@@ -5,11 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .figures import COLOURS, INK, style
+from .figures import INK, style
 from .pictures import Floats, Mask
-from .print_plots import SMALL, WIDTH
-
-STYLES = ("-", "--", ":", "-.")  # one for each turn through the colours
+from .print_plots import DASHES, SMALL, WIDTH
 
 
 def brightest_row(reference: Floats, mask: Mask) -> int:
@@ -18,16 +16,21 @@ def brightest_row(reference: Floats, mask: Mask) -> int:
 
 
 @style(SMALL)
-def cross_section(images: Sequence[tuple[str, Floats]], mask: Mask, row: int) -> Figure:
-    """Radiance, the mean of the channels, of a row of images (H, W, 3) over its columns; the first is the reference."""
-    figure = Figure(figsize=(WIDTH, 2.2 + 0.14 * len(images)), layout="constrained")
+def cross_section(
+    reference: Floats, images: Sequence[tuple[str, Floats, tuple[str, int]]], mask: Mask, row: int
+) -> Figure:
+    """Radiance, the mean of the channels, of a row of images (H, W, 3) over its columns.
+
+    Args:
+        images: of each the name, the pixels, and the look of its line: colour and place among those of its method.
+    """
+    figure = Figure(figsize=(WIDTH, 2.34 + 0.14 * len(images)), layout="constrained")
     ax = figure.add_subplot()
     x = np.flatnonzero(mask[row])
-    for i, (name, image) in enumerate(images):
-        turn, number = divmod(i - 1, len(COLOURS))
-        style = STYLES[turn % len(STYLES)] if i else "-"
-        colour = COLOURS[number] if i else INK
-        ax.plot(x, image[row, x].mean(axis=1), label=name, color=colour, ls=style, lw=0.9 if i else 1.8)
+    ax.plot(x, reference[row, x].mean(axis=1), label="reference", color=INK, lw=1.8)
+    for name, image, (colour, dash) in images:
+        dashes = DASHES[dash % len(DASHES)]
+        ax.plot(x, image[row, x].mean(axis=1), label=name, color=colour, ls=dashes, lw=0.9)
     ax.set_xlabel(f"column [pixels], in row {row}")
     ax.set_ylabel("radiance")
     ax.set_ylim(bottom=0)

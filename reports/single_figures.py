@@ -13,22 +13,24 @@ from glossbench.metrics import METRICS
 from glossbench.results import Results
 from glossbench.rows import parsed
 
-from .answer import answer_of
-from .cells import Group, grouped
+from .answer import answer_of, claimed
+from .cells import Group, grouped, methods_of
 from .crops import Crop
+from .figures import looks
 from .images import MOST_PICTURES, chosen
 from .lines import COSTS, axis_of, lines_at
 from .print_images import PrintedGroup, middle_budgets
 from .print_plots import Panel, against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .profile import brightest_row, cross_section
 from .sweeps import Place, Sweep, places_of, sweeps_of, with_costs
+from .sweeps import named as named_sweeps
 from .typesetting import Format, Press
 
 
 def answer(folder: Path, path: Path, *, metric: str | None = None) -> None:
     """The picture of the report's first page: crops of the methods where the metric tells most between them."""
     run = _read(folder, metric)
-    found = answer_of(run.groups, run.metric)
+    found = answer_of(run.groups, run.metric, claimed(run.results))
     if found is None:
         raise InputError(f"{folder} has no cell with an image and {run.metric}")
     with Press() as press:
@@ -68,10 +70,12 @@ def profile(folder: Path, path: Path, *, group: int | None = None) -> None:
     of = _numbered(run, run.groups, group)
     key = of.reference["reference_key"]
     reference, mask = run.results.reference(key), run.results.mask(key)
-    cells = [(cell.name, run.results.image(cell.row["key"])) for cell in middle_budgets(of)]
+    cells = middle_budgets(of)
+    drawn = looks([str(cell.row["method"]) for cell in cells], methods_of(run.groups))
+    images = [(cell.name, run.results.image(cell.row["key"]), look) for cell, look in zip(cells, drawn, strict=True)]
     row = brightest_row(reference, mask)
     with Press() as press:
-        figure = cross_section([("reference", reference), *cells], mask, row)
+        figure = cross_section(reference, images, mask, row)
         alt = f"radiance along row {row} of each method: {of.title}"
         _write(press, path, {"kind": "plot", "alt": alt, **press.figure(figure)})
 
@@ -119,11 +123,17 @@ def _read(folder: Path, metric: str | None) -> _Run:
 
 
 def _swept(run: _Run, name: str | None) -> Sweep:
-    """A sweep by its name; without one the first."""
-    if name is not None and name not in run.sweeps:
+    """A sweep by its name, full or short; without one the first."""
+    if name is None:
+        return next(iter(run.sweeps.values()))
+    found = named_sweeps(run.sweeps.values(), name)
+    if len(found) > 1:
+        meant = " or ".join(sweep.full_name for sweep in found)
+        raise InputError(f"--over {name} may mean {meant}: say which")
+    if not found:
         known = ", ".join(run.sweeps)
         raise InputError(f"{run.results.folder} sweeps no {name!r}: --over must be one of {known}")
-    return run.sweeps[name] if name else next(iter(run.sweeps.values()))
+    return found[0]
 
 
 def _single(run: _Run, sweep: Sweep) -> list[Place]:

@@ -5,14 +5,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from glossbench.rows import KINDS, as_text, identity, names_of, told_apart
+from glossbench.rows import KINDS, budget_of, identity, listed, names_of, number_in, stated, told_apart
 
-from .cells import Cell, Group
-from .figures import COLOURS
+from .cells import Group, methods_of
+from .figures import looks
 
 SAMPLES = "samples"
+FEW_LINES = 6  # more, and a plot for print is divided
 FEWEST = 3  # values that make a quantity what a study is about
-ASIDE = (SAMPLES, "seed")  # numbers that are no quantity of their own: no plot over a seed says anything
+ASIDE = ("seed",)  # numbers that are no quantity of their own: no plot over a seed says anything
 
 
 @dataclass(frozen=True)
@@ -21,17 +22,23 @@ class Label:
 
     Attributes:
         index: its place in the study, which gives the marker.
-        hue: gives the colour; where there are more lines than colours, one for those of a method that share the value
-            of the option that divides them the most evenly.
-        dash: its place among the lines of one hue.
+        method: the place of its method, which gives the colour.
+        colour: that of its method, in a shade of its own where the method has several lines.
+        dash: its place among the lines of its method.
+        facet: where there are more than `FEW_LINES`, its place among those of its method that share the value of the
+            option that divides them the most evenly; None where none of its method shares one.
         options: those in its name, as text.
+        budget: the option that is its method's budget; "" without one.
     """
 
     name: str
     index: int
-    hue: int
+    method: int
+    colour: str
     dash: int = 0
+    facet: int | None = None
     options: Mapping[str, str] = field(default_factory=dict)
+    budget: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +46,8 @@ class Sweep:
     """A number that cells differ in alone: light samples, an option of methods, a parameter of light, material or view.
 
     Attributes:
-        name: "samples", the option, or as "material.s" the parameter.
+        name: "samples", the option, or as "material.s" the parameter; "method.samples" where an option of that name is
+            not the budget of its method.
         labels: by key of a cell that of its line.
         n_values: the most that a line has; 1 where nothing is swept.
     """
@@ -51,27 +59,38 @@ class Sweep:
     @property
     def kind(self) -> str:
         """Of light, material and view the one that is swept; "" for samples and options."""
-        return self.name.partition(".")[0] if "." in self.name else ""
+        kind = self.name.partition(".")[0]
+        return kind if kind in KINDS and "." in self.name else ""
 
     @property
     def parameter(self) -> str:
         """The name of the number in its light, material, view or method."""
-        return self.name.removeprefix(f"{self.kind}.")
+        return self.name.removeprefix(f"{self.kind or 'method'}.")
+
+    @property
+    def full_name(self) -> str:
+        """With what it is of in front: "material.alpha", "method.regions"; and "samples"."""
+        return self.name if self.name == SAMPLES or self.kind else f"method.{self.parameter}"
 
     @property
     def title(self) -> str:
         """As an axis has it."""
         if self.name == SAMPLES:
             return "light samples a pixel"
-        return f"{self.parameter} of the {self.kind}" if self.kind else self.name
+        return f"{self.parameter} of the {self.kind}" if self.kind else self.parameter
 
     def value(self, row: Mapping[str, Any]) -> float | None:
         """Of a cell; None where it has no such number."""
-        return _number(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
+        return number_in(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
 
     def point(self, row: Mapping[str, Any]) -> tuple[int, Any]:
         """What the same cell under another light has in common with it: its line and what was asked of it."""
-        asked = row["options"].get(SAMPLES, row["n_samples"]) if self.name == SAMPLES else self.value(row)
+        asked: Any = self.value(row)
+        if self.name == SAMPLES:
+            budget = budget_of(row)
+            asked = asked if budget is None else budget
+        elif not self.kind and _is_tuned(row, self.parameter):
+            asked = "tuned"  # its value is another under each light
         return self.labels[row["key"]].index, asked
 
 
@@ -99,13 +118,14 @@ def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ())
     most, where it leaves no method out.
     """
     rows = [cell.row for group in groups for cell in group.done]
-    found = []
+    found: list[Sweep] = []
     for name in [SAMPLES, *_candidates(rows)]:
         sweep = Sweep(name, _labels(groups, name))
         n_values = max((_n_values(place) for place in places_of(groups, sweep)), default=1)
         if n_values > 1 or name == SAMPLES:
             found.append(Sweep(name, sweep.labels, n_values))
-    wanted = [*(claim["over"] for claim in claims if "over" in claim), SAMPLES]
+    asked = (named(found, claim["over"]) for claim in claims if "over" in claim)
+    wanted = [*(sweeps[0].name for sweeps in asked if sweeps), SAMPLES]
 
     def rank(sweep: Sweep) -> tuple[int, int, bool]:
         if sweep.n_values < FEWEST or (sweep.name not in wanted and any(sweep.value(row) is None for row in rows)):
@@ -115,13 +135,21 @@ def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ())
     return {sweep.name: sweep for sweep in sorted(found, key=rank)}
 
 
+def named(sweeps: Iterable[Sweep], name: str) -> list[Sweep]:
+    """Those that a name may mean: "samples", a full name such as material.alpha, or the number's own, alpha."""
+    known = list(sweeps)
+    exact = [sweep for sweep in known if name == sweep.full_name]
+    return exact or [sweep for sweep in known if sweep.name != SAMPLES and name == sweep.parameter]
+
+
 def with_costs(sweeps: Mapping[str, Sweep]) -> list[Sweep]:
     """Those along whose lines errors are plotted against costs: under one condition, and none of samples held fixed."""
     is_budgeted = sweeps[SAMPLES].n_values > 1
     return [
         sweep
         for sweep in sweeps.values()
-        if not sweep.kind and not (is_budgeted and any(SAMPLES in label.options for label in sweep.labels.values()))
+        if not sweep.kind
+        and not (is_budgeted and any(label.budget in label.options for label in sweep.labels.values()))
     ]
 
 
@@ -149,13 +177,6 @@ def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
     return [*found, *means]
 
 
-def _number(value: Any) -> float | None:
-    """A number as itself, and a list of one number alone, such as the m of an isotropic lobe; else None."""
-    if isinstance(value, list) and value and all(each == value[0] for each in value):
-        return _number(value[0])
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
-
-
 def _options(row: Mapping[str, Any], kind: str) -> Mapping[str, Any]:
     options: Mapping[str, Any] = row[f"{kind}_options" if kind else "options"]
     return options
@@ -167,8 +188,13 @@ def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     for row in rows:
         for kind in ("", *KINDS):
             for key, value in _options(row, kind).items():
-                number = _number(value)
-                if number is not None and key not in ASIDE and not (kind == "" and key in row["tuned"]):
+                number = number_in(value)
+                if number is None or key in ASIDE or (kind == "" and _is_tuned(row, key)):
+                    continue
+                if kind == "" and key == SAMPLES:
+                    if key != row["budget"]:
+                        numbers.setdefault(f"method.{key}", set()).add(number)
+                else:
                     numbers.setdefault(f"{kind}.{key}" if kind else key, set()).add(number)
     return [name for name, values in numbers.items() if len(values) > 1]
 
@@ -176,33 +202,45 @@ def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
     """By key of each cell the label of its line, which is a method with the options that tell it from others."""
     cells = sorted((cell for group in groups for cell in group.cells), key=lambda cell: cell.index)
-    methods: dict[str, list[Cell]] = {}
-    for cell in cells:
-        methods.setdefault(cell.row["method"], []).append(cell)
+    rows = [cell.row for cell in cells]
     names: dict[str, str] = {}  # by key of a cell
-    lines: dict[str, tuple[str, dict[str, str]]] = {}  # by name the method and the options
-    for method, own in methods.items():
-        _, told = told_apart([cell.row for cell in own], over)
-        for cell in own:
-            options = {key: as_text(cell.row["options"].get(key)) for key in told}
-            text = ", ".join(f"{key} {value}" for key, value in options.items())
-            names[cell.row["key"]] = name = f"{method} ({text})" if text else method
-            lines[name] = method, options
+    lines: dict[str, tuple[str, dict[str, str], str]] = {}  # by name the method, the options and the budget
+    for row, (_, options) in zip(rows, told_apart(rows, _told_over(over)), strict=True):
+        name = f"{row['method']} ({listed(options)})" if options else str(row["method"])
+        names[row["key"]] = name
+        lines[name] = str(row["method"]), options, row["budget"]
+    of_methods: dict[str, list[dict[str, str]]] = {}
+    for method, options, _ in lines.values():
+        of_methods.setdefault(method, []).append(options)
+    leading = {method: _leading(own) for method, own in of_methods.items()}
+    count = Counter((method, options.get(leading[method])) for method, options, _ in lines.values())
+    divided = {method for (method, _), n in count.items() if n > 1 and len(lines) > FEW_LINES}
+    hues = methods_of(groups)
     labels: dict[str, Label] = {}
-    hues: dict[Any, int] = {}
-    for name, (method, options) in lines.items():
-        leading = _leading([each for other, each in lines.values() if other == method])
-        alike = (method, options.get(leading)) if len(lines) > len(COLOURS) else name
-        hue = hues.setdefault(alike, len(hues))
-        dash = sum(label.hue == hue for label in labels.values())
-        labels[name] = Label(name, len(labels), hue, dash, options)
+    drawn = looks([method for method, _, _ in lines.values()], hues)
+    alike: Counter[tuple[str, str | None]] = Counter()
+    for index, ((name, (method, options, budget)), (colour, dash)) in enumerate(zip(lines.items(), drawn, strict=True)):
+        led = method, options.get(leading[method])
+        labels[name] = Label(
+            name, index, hues[method], colour, dash, alike[led] if method in divided else None, options, budget,
+        )  # fmt: skip
+        alike[led] += 1
     return {key: labels[name] for key, name in names.items()}
+
+
+def _told_over(name: str) -> str | None:
+    return None if name == SAMPLES else name.removeprefix("method.")
 
 
 def _leading(lines: Sequence[Mapping[str, str]]) -> str:
     """The option that divides lines the most evenly: no value of it has as many lines as one of another option."""
-    most = {key: max(Counter(line[key] for line in lines).values()) for key in lines[0]}
+    keys = dict.fromkeys(key for line in lines for key in line)
+    most = {key: max(Counter(line.get(key) for line in lines).values()) for key in keys}
     return min(most, key=lambda key: most[key], default="")
+
+
+def _is_tuned(row: Mapping[str, Any], option: str) -> bool:
+    return stated(row).get(option) != row["options"].get(option)
 
 
 def _n_values(place: Place) -> int:

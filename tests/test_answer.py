@@ -34,14 +34,14 @@ def told(factors, means):
 
 def check_answer(found):
     assert found.group.reference["reference_key"] == "r1"
-    assert found.budget == 4
+    assert found.budget == "4 samples"
     assert [cell.row["key"] for cell in found.cells] == ["few-4-1", "many-4-1"]
 
 
 def test_a_budget_that_more_methods_share_comes_first():
     given = [row for row in rows([1]) if row["key"] != "many-4-0"]
 
-    assert answer(given).budget == 16
+    assert answer(given).budget == "16 samples"
 
 
 def test_a_method_without_a_budget_stands_beside_all_of_them():
@@ -49,6 +49,30 @@ def test_a_method_without_a_budget_stands_beside_all_of_them():
     lookup = given[0] | {"key": "lookup", "method": "lookup", "options": {}, "rms": 0.41}
 
     assert [cell.row["key"] for cell in answer([*given, lookup]).cells] == ["few-4-0", "many-4-0", "lookup"]
+
+
+def test_the_answer_is_of_the_budget_and_the_place_that_the_claim_is_about():
+    groups = grouped(rows([1, 2]), ["rms"])
+
+    found = answer_of(groups, "rms", [("nothing ran", ()), ("at 64", {"few-64-1", "many-64-1"})])
+
+    assert (found.budget, found.claim) == ("64 samples", "at 64")
+    assert [cell.row["key"] for cell in found.cells] == ["few-64-1", "many-64-1"]
+
+
+def test_the_cells_of_the_claim_stand_for_its_methods_beside_the_best_of_others():
+    given = [row | {"options": {"samples": row["n_samples"], "k": k}, "key": f"{row['key']}-{k}", "rms": row["rms"] * k}
+             for row in rows([1]) for k in (1, 2)]  # fmt: skip
+
+    found = answer_of(grouped(given, ["rms"]), "rms", [("few with k 2", {"few-16-0-2"})])
+
+    assert [cell.row["key"] for cell in found.cells] == ["few-16-0-2", "many-16-0-1"]
+
+
+def test_a_budget_has_the_name_that_the_rows_give_it():
+    given = [row | {"options": {"rays": row["n_samples"], "samples": 9}, "budget": "rays"} for row in rows([1])]
+
+    assert answer(given).budget == "4 rays"
 
 
 def test_of_a_single_method_the_best_the_worst_and_some_between_are_shown():

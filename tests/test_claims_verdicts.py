@@ -77,8 +77,8 @@ def test_one_case_that_does_not_hold_decides():
     assert judgement["verdict"] == "does not hold"
     assert [n["verdict"] for n in judgement["numbers"]] == ["holds", "holds", "does not hold"]
     assert judgement["summary"] == (
-        "Holds in 2 of 3 cases; rms of a over b: from 0.5 (spots, kurt m=[0.1, 0.1], sphere, samples=14) "
-        "to 1.5 (spots, kurt m=[0.3, 0.3], sphere, samples=14)."
+        "Holds in 2 of 3 cases; rms of a over b: from 0.5 (spots, kurt (m [0.1, 0.1]), sphere, samples 14) "
+        "to 1.5 (spots, kurt (m [0.3, 0.3]), sphere, samples 14)."
     )
 
 
@@ -144,8 +144,8 @@ def test_options_that_one_method_sweeps_are_compared_each_and_told_apart():
     judgement = verdict_on(LOWER, *rows)
 
     assert [n["verdict"] for n in judgement["numbers"]] == ["holds", "does not hold"]
-    assert "xi=0.1" in judgement["numbers"][0]["where"]
-    assert "xi=0.2" in judgement["numbers"][1]["where"]
+    assert "xi 0.1" in judgement["numbers"][0]["where"]
+    assert "xi 0.2" in judgement["numbers"][1]["where"]
 
 
 def test_signed_errors_are_compared_by_size():
@@ -225,7 +225,7 @@ def test_sides_compare_one_method_with_itself():
         (0.2, 0.3, "holds"),
         (0.15, 0.1, "does not hold"),
     ]
-    assert "rms of a (k=4) over a (k=1)" in judgement["summary"]
+    assert "rms of a (k 4) over a (k 1)" in judgement["summary"]
 
 
 def test_a_side_that_states_a_view_is_compared_with_another_view():
@@ -242,7 +242,7 @@ def test_a_side_that_states_a_view_is_compared_with_another_view():
         (0.1, 0.3, "holds"),
         (0.3, 0.2, "does not hold"),
     ]
-    assert judgement["numbers"][0]["where"].startswith("spots, kurt, samples=14, sphere against mesh shape=knot")
+    assert judgement["numbers"][0]["where"].startswith("spots, kurt, samples 14, sphere against mesh (shape knot)")
 
 
 def test_relative_noise_is_that_of_the_noisier_reference():
@@ -358,9 +358,67 @@ def test_a_swept_option_gives_a_curve_each_and_a_tuned_one_does_not():
 
     assert [n["a"] for n in judgement["numbers"]] == pytest.approx([-0.5, -0.5])
     assert [n["where"] for n in judgement["numbers"]] == [
-        "spots, kurt, sphere, filter=box",
-        "spots, kurt, sphere, filter=gauss6",
+        "spots, kurt, sphere, filter box",
+        "spots, kurt, sphere, filter gauss6",
     ]
+
+
+@pytest.mark.parametrize("over", ["alpha", "material.alpha"])
+def test_a_slope_over_a_parameter_of_the_material_is_one_curve_a_budget(over):
+    rows = [
+        cell("a", material_options={"alpha": [x, x], "f0": 1.0}, options={"samples": n}, rms=n * x**2)
+        for n in (4, 16)
+        for x in (0.1, 0.2, 0.4)
+    ]
+
+    judgement = verdict_on({**SLOPE, "over": over, "between": [1.9, 2.1]}, *rows)
+
+    assert [n["a"] for n in judgement["numbers"]] == pytest.approx([2, 2])
+    assert [n["where"] for n in judgement["numbers"]] == [f"spots, kurt, sphere, samples {n}" for n in (4, 16)]
+
+
+def test_the_full_name_of_a_parameter_restricts_a_claim():
+    rows = [cell(m, material_options={"m": [w, w]}, rms=r) for m, w, r in [
+        ("a", 0.1, 0.1), ("b", 0.1, 0.2), ("a", 0.3, 0.3), ("b", 0.3, 0.2)]]  # fmt: skip
+
+    assert verdict_on({**LOWER, "where": {"material.m": 0.1}}, *rows)["verdict"] == "holds"
+    assert verdict_on({**LOWER, "where": {"material.m": 0.3}}, *rows)["verdict"] == "does not hold"
+
+
+def test_a_claim_that_holds_although_cells_failed_says_so_first():
+    rows = [cell("a", rms=0.1), cell("b", rms=0.2), cell("a", status="failed", options={"samples": 30}, rms=np.nan),
+            cell("b", options={"samples": 30})]  # fmt: skip
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert judgement["verdict"] == "holds"
+    assert judgement["summary"].startswith("Judged without 1 of its cells, which failed. Holds in 1 of 1 cases")
+
+
+def test_a_claim_of_which_all_cells_failed_is_not_tested():
+    judgement = verdict_on(VALUE, cell("a", status="failed", rms=np.nan))
+
+    assert (judgement["verdict"], judgement["summary"]) == ("not tested", "Not tested: cells failed: 1.")
+
+
+def test_a_tuned_value_is_not_a_stated_one():
+    tuned = {"options": {"samples": 14, "bias": 0.0}, "tuned": {"bias": 0.0}}
+    tuned |= {"tune": {"bias": {"tune": "rms", "range": [0, 1]}}}
+    rows = cell("a", **tuned, rms=0.1), cell("a", options={"samples": 14, "bias": 0.0}, rms=0.5), cell("b", rms=0.2)
+
+    every = verdict_on(LOWER, *rows)
+    assert [n["where"] for n in every["numbers"]] == [
+        "spots, kurt, sphere, samples 14, bias tuned by rms against b",
+        "spots, kurt, sphere, samples 14, bias 0 against b",
+    ]
+    assert verdict_on({**LOWER, "where": {"bias": 0}}, *rows)["verdict"] == "does not hold"
+
+
+def test_lights_of_one_file_name_are_told_apart_in_verdicts():
+    rows = [cell("a", light="file", light_options={"file": f"/{at}/probe.hdr"}, n_samples=n)
+            for at, n in (("x", 14), ("y", 15))]  # fmt: skip
+
+    assert "14 (x/probe.hdr, kurt, sphere) to 15 (y/probe.hdr, kurt, sphere)" in verdict_on(VALUE, *rows)["summary"]
 
 
 def test_a_budget_that_is_no_positive_number_is_left_out():

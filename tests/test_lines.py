@@ -1,6 +1,7 @@
 """Lines of plots: means over lights, Pareto fronts, and what they would reach at equal times and equal errors."""
 
 import json
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 
 from glossbench.reports.cells import grouped
 from glossbench.reports.equal import error_at_time, time_at_error
+from glossbench.reports.figures import COLOURS
 from glossbench.reports.lines import Axis, Line, front, lines_at
+from glossbench.reports.print_plots import facets, over_sweep
 from glossbench.reports.sweeps import Label, places_of, sweeps_of, with_costs
 from glossbench.rows import parsed
 
@@ -19,9 +22,12 @@ SAMPLES = [4, 16, 64]
 def line(name, index, ms, errors, at_floor=None):
     n = len(ms)
     return Line(
-        Label(name, index, index), np.arange(1.0, n + 1), {"shade": np.array(ms, float)}, np.array(errors, float),
+        Label(name, index, index, "#000000"),
+        np.arange(1.0, n + 1),
+        {"shade": np.array(ms, float)},
+        np.array(errors, float),
         np.array(at_floor or [False] * n),
-    )  # fmt: skip
+    )
 
 
 def rows(factors):
@@ -165,9 +171,9 @@ def test_the_check_of_equal_tables_notices_straight_lines_on_linear_axes(monkeyp
 def check_equal(table, truth):
     assert 3 <= len(table.at) <= 6
     for column, at in enumerate(table.at):
-        values = [row[column] for row in table.rows]
+        values = [row[column].middle for row in table.rows]
         assert values == pytest.approx(truth(at), rel=1e-12)
-        assert table.best[column] == min(values)
+        assert table.best[column] == values.index(min(values))
 
 
 def test_nothing_is_extrapolated():
@@ -185,18 +191,67 @@ def test_the_first_time_counts_where_a_line_comes_down_twice():
 
     table = time_at_error([wavy, line("other", 1, [1, 1000], [1, 0.01])], Axis("rms"))
 
-    assert table.rows[0][list(table.at).index(0.2)] == pytest.approx(5)
+    assert table.rows[0][list(table.at).index(0.2)].middle == pytest.approx(5)
 
 
-def test_points_at_the_floor_and_lines_of_one_point_are_not_interpolated():
+def test_points_at_the_floor_are_not_interpolated():
     floored = line("floored", 0, [1, 10, 100], [1, 0.1, 0.09], [False, False, True])
-    single = line("single", 1, [3], [0.3])
 
-    table = error_at_time([floored, single, line("other", 2, [1, 100], [1, 0.5])], Axis("rms"))
+    table = error_at_time([floored, line("other", 2, [1, 100], [1, 0.5])], Axis("rms"))
 
     assert [each.name for each in table.lines] == ["floored", "other"]
     assert max(table.at) <= 10
-    assert error_at_time([floored, single], Axis("rms")) is None
+
+
+def test_a_line_of_one_budget_has_its_own_error_at_any_time_that_suffices_for_it():
+    lines = [line("curve", 0, [1, 100], [1, 0.1]), line("single", 1, [3], [0.3])]
+
+    by_time, by_error = error_at_time(lines, Axis("rms")), time_at_error(lines, Axis("rms"))
+
+    singles = {at: row.middle for at, row in zip(by_time.at, by_time.rows[1], strict=True)}
+    assert singles == pytest.approx({5: 0.3, 10: 0.3, 20: 0.3, 50: 0.3, 100: 0.3})  # none before 3 ms
+    singles = {at: row and row.middle for at, row in zip(by_error.at, by_error.rows[1], strict=True)}
+    assert singles == pytest.approx({1: 3, 0.7: 3, 0.5: 3, 0.4: 3, 0.3: 3})  # and no less, which it does not reach
+
+
+def test_two_lines_of_one_budget_meet_at_the_first_round_time_after_both():
+    table = error_at_time([line("a", 0, [3], [0.3]), line("b", 1, [11], [0.1])], Axis("rms"))
+
+    assert (list(table.at), table.best) == ([15], [1])
+
+
+def spread(of, low, high):
+    return replace(of, spread=(of.costs["shade"] * low, of.costs["shade"] * high))
+
+
+def test_no_line_is_the_best_where_the_spread_of_its_runs_reaches_another():
+    check_spread([spread(each, 0.5, 2) for each in powers()[0]])
+
+
+def test_the_check_of_spreads_notices_times_without_one():
+    with pytest.raises(AssertionError):
+        check_spread(powers()[0])
+
+
+def check_spread(lines):
+    """Errors 2 t^-1/2 and 5 / t are equal at 6.25 ms; with times off by 2 one interval ends where the other begins."""
+    axis = Axis("rms")
+    (column,) = (i for i, at in enumerate(error_at_time(lines, axis).at) if at == 10)
+    half, one = (row[column] for row in error_at_time(lines, axis).rows)
+    assert error_at_time(lines, axis).best[column] is None
+    assert tuple(one) == pytest.approx((0.5, 0.25, 1))
+    assert half.low < half.middle < half.high
+    assert error_at_time(lines, axis).best[-1] == 1  # far from there one is the better
+
+
+def test_a_time_that_the_slowest_run_exceeds_makes_no_best():
+    fast = spread(line("fast", 0, [4, 100], [0.1, 0.05]), 0.9, 2)
+    slow = spread(line("slow", 1, [1, 200], [2, 1]), 1, 1)
+
+    table = error_at_time([fast, slow], Axis("rms"))
+
+    assert (table.at[0], table.best[0], table.rows[0][0].high) == (5, None, np.inf)
+    assert table.best[1:] == [0] * (len(table.at) - 1)
 
 
 # What is swept.
@@ -337,12 +392,40 @@ def test_no_slope_is_fitted_where_x_is_not_positive():
     assert line.slope() is None
 
 
-def test_more_lines_than_colours_share_those_of_the_option_that_divides_them_most_evenly():
+def test_many_lines_have_a_facet_for_those_that_share_the_option_that_divides_them_most_evenly():
     names = [(f, kind) for f in ("none", "box", "gauss", "cosine") for kind in ("cube", "map")]
     given = swept([({}, {"filter": f, "storage": kind, "k": k}, 0.1) for f, kind in names for k in (1, 2, 3)])
 
     labels = [line.label for line in lines_at(places(given, "k")[0], "rms")]
 
-    assert [(label.hue, label.dash) for label in labels] == [(hue, dash) for hue in range(4) for dash in range(2)]
+    assert [label.facet for label in labels] == [0, 1] * 4
     few = [line.label for line in lines_at(places(given[:9], "k")[0], "rms")]
-    assert [(label.hue, label.dash) for label in few] == [(0, 0), (1, 0), (2, 0)]
+    assert [label.facet for label in few] == [None] * 3
+
+
+def test_a_method_of_one_budget_is_in_every_facet():
+    names = [(f, kind) for f in ("none", "box", "gauss", "cosine") for kind in ("cube", "map")]
+    given = swept([({}, {"filter": f, "storage": kind, "k": k}, 0.1) for f, kind in names for k in (1, 2, 3)])
+    given += [given[0] | {"method": "lookup", "key": f"l{k}", "options": {"k": k}} for k in (1, 2, 3)]
+
+    panels = facets(over_sweep(places(given, "k")[0], "rms"))
+
+    assert [panel.title for panel in panels] == ["storage cube", "storage map"]
+    assert all("lookup" in [line.name for line in panel.drawn] for panel in panels)
+
+
+def test_a_colour_is_a_method_and_its_lines_are_shades_and_dashes():
+    given = swept(
+        [({"method": name}, {"filter": f, "samples": n}, 0.1)
+         for name in ("a", "b") for f in (("none", "box", "gauss") if name == "a" else ("box",)) for n in (1, 2)]
+    )  # fmt: skip
+
+    labels = [line.label for line in lines_at(places(given)[0], "rms")]
+
+    assert [label.method for label in labels] == [0, 0, 0, 1]
+    assert [label.dash for label in labels] == [0, 1, 2, 0]
+    assert labels[1].colour == COLOURS[0]
+    assert labels[3].colour == COLOURS[1]
+    red, green, blue = ([int(label.colour[i : i + 2], 16) for label in labels[:3]] for i in (1, 3, 5))
+    assert all(channel == sorted(channel) for channel in (red, green, blue))  # from dark to light
+    assert len({label.colour for label in labels}) == 4

@@ -392,7 +392,7 @@ def test_slope_is_fitted_through_resolved_points():
     rms[-1] = 0.1  # held up by the reference's noise
 
     def line(k, at_floor):
-        return lines.Line(sweeps.Label("m", 0, 0), n[:k], {"shade": n[:k]}, rms[:k], np.array(at_floor[:k]))
+        return lines.Line(sweeps.Label("m", 0, 0, "#000000"), n[:k], {"shade": n[:k]}, rms[:k], np.array(at_floor[:k]))
 
     assert line(4, [False, False, False, True]).slope() == pytest.approx(-0.75)
     assert line(4, [False] * 4).slope() > -0.7

@@ -584,6 +584,8 @@ def test_a_tuned_cell_says_what_was_found(study_of, tmp_path):
     [row] = run_study(study, tmp_path / "r").cells.to_dict("records")
 
     found = json.loads(row["tuned"])["level"]
+    assert json.loads(row["tune"])["level"]["tune"] == "distance"
+    assert row["light_name"] == row["light"]
     assert abs(found - 0.37) <= 1 / 400
     assert json.loads(row["options"])["level"] == found
     assert row["distance"] == pytest.approx(found - 0.37, abs=1e-6)  # float32 of the image: 6e-8

@@ -821,6 +821,14 @@ WRONG = [
         "6:42: claims[0].over: no option of sampler 'sample' in this study; did you mean 'samples'?",
     ),
     (
+        a_study(claims="[{text: A, slope: sampler, over: resolution, metric: rms, between: [-1, 0]}]"),
+        "6:42: claims[0].over: 'resolution' may mean light.resolution or view.resolution: say which",
+    ),
+    (
+        a_study(claims="[{text: A, slope: sampler, over: material.n, metric: rms, between: [-1, 0]}]"),
+        "6:42: claims[0].over: no option of sampler 'material.n' in this study",
+    ),
+    (
         a_study(claims="[{text: A, ratio: [sampler, samplr], of: rms, between: [0, 1]}]"),
         "6:37: claims[0].ratio[1]: no method 'samplr'",
     ),

@@ -27,7 +27,9 @@ def figure(
     metric: Annotated[str | None, typer.Option(help="Of errors; else the study's first, or the signed error.")] = None,
     over: Annotated[
         str | None,
-        typer.Option(help="What convergence is plotted over: samples, regions, material.s; as the report has it."),
+        typer.Option(
+            help="What convergence is plotted over, as the report has it: samples, regions, material.s or only s."
+        ),
     ] = None,
     crop: Annotated[
         list[str] | None,

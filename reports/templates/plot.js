@@ -27,11 +27,12 @@ function markerPath(index) {
 
 // `data` is one place under one metric or cost; `shown` says which of its lines are; `x` names the quantity across,
 // which is "over" for what is swept.
-function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
+function drawPlot({ data, shown, x, label, width, height, describe }) {
   const lines = data.lines.filter((line) => shown(line));
   const visible = (line, i) => line.y[i] !== null && line.x[x][i] !== null && (line.y[i] > 0 || !data.isLog || data.isCost);
   const indices = (line) => line.y.map((_, i) => i).filter((i) => visible(line, i));
   const across = [...new Set(lines.flatMap((line) => indices(line).map((i) => line.x[x][i])))];
+  if (x === "shade" && !data.isCost) across.push(...lines.flatMap((line) => (line.spread ?? []).flat()).filter((v) => v > 0));
   const up = lines.flatMap((line) => indices(line).map((i) => line.y[i]));
   const floor = data.isLog ? 2 * data.noise : 0;
   const showsFloor = up.length > 0 && floor > Math.min(...up) / 30;
@@ -56,16 +57,17 @@ function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
   if (!up.length) svg.append(text(width / 2, height / 2, "no line is shown", "middle"));
   for (const line of lines) {
     const band = line.low ? indices(line).filter((i) => line.low[i] > 0 || !data.isLog) : [];
-    if (band.length > 1) svg.append(bandOf(line, band, horizontal, vertical, x, area, colourOf(line, colours)));
+    if (band.length > 1) svg.append(bandOf(line, band, horizontal, vertical, x, area, line.colour));
   }
   svg.append(...frontOf(data, lines, x, place, visible));
   for (const line of lines) {
     const points = indices(line);
-    const colour = colourOf(line, colours);
+    const colour = line.colour;
     if (points.length > 1) {
       const d = points.map((i) => place(line, i).map((v) => v.toFixed(1)).join(" ")).join("L");
       svg.append(svgElement("path", { class: "line", d: "M" + d, stroke: colour, "stroke-dasharray": dashOf(line) }));
     }
+    if (x === "shade" && line.spread && !data.isCost) svg.append(...points.map((i) => spreadOf(line, i, horizontal, vertical)));
     for (const i of points) {
       const [px, py] = place(line, i);
       const point = svgElement("g", {
@@ -81,10 +83,6 @@ function drawPlot({ data, shown, x, label, colours, width, height, describe }) {
   }
   svg.querySelector(".point")?.setAttribute("tabindex", 0);
   return svg;
-}
-
-function colourOf(line, colours) {
-  return colours[line.hue % colours.length];
 }
 
 function dashOf(line) {
@@ -127,6 +125,13 @@ function bandOf(line, indices, horizontal, vertical, x, area, colour) {
   const lower = indices.map((i) => at(i, line.low[i])).reverse();
   const d = `M${[...upper, ...lower].join("L")}Z`;
   return svgElement("path", { class: "band", d, fill: colour, "data-line": line.index });
+}
+
+// From the fastest to the slowest run of a point.
+function spreadOf(line, i, { at }, vertical) {
+  const [from, to] = line.spread.map((end) => at(end[i]).toFixed(1));
+  const y = vertical.at(line.y[i]).toFixed(1);
+  return svgElement("path", { class: "spread", d: `M${from} ${y}H${to}`, stroke: line.colour });
 }
 
 // The Pareto front of all lines: stairs through its points that are shown, and a ring about each.

@@ -5,7 +5,7 @@ function openCell(key) {
 }
 
 function plots() {
-  const { sweeps, metrics, costs, colours, negligible } = JSON.parse(document.getElementById("plot-data").textContent);
+  const { sweeps, metrics, costs, negligible } = JSON.parse(document.getElementById("plot-data").textContent);
   const container = document.getElementById("plots-drawn");
   if (!container || !metrics.length) return;
   const [controls, over, place, metric, key, nothing] = ["controls", "over", "place", "metric", "key", "nothing"].map(
@@ -63,6 +63,7 @@ function plots() {
     if (data.noise > 0) rows.push([`noise of the reference: ${number(data.noise, 2)}`]);
     const shown = new Set(["shade", x].filter((cost) => cost !== "over" && cost !== metric.value));
     for (const cost of shown) rows.push([`${costs[cost]}: ${number(line.x[cost][i])}`]);
+    if (line.spread && shown.has("shade")) rows.push([`runs from ${line.spread.map((end) => number(end[i])).join(" to ")} ms`]);
     if (point.dataset.key) rows.push(["click for its image", "hint"]);
     return rows;
   };
@@ -78,7 +79,7 @@ function plots() {
       const width = Math.max(220, Math.floor(figure.clientWidth));
       const height = Math.round(isLarge ? Math.min(isAlone ? 460 : 380, width * 0.72) : Math.min(260, width * 0.8));
       const svg = drawPlot({
-        data, x: name, label: titleOf(name), colours, width, height, describe,
+        data, x: name, label: titleOf(name), width, height, describe,
         shown: (line) => !hidden.has(line.index) && isIn(line) });
       figure.replaceChildren(svg);
     }
@@ -132,7 +133,7 @@ function plots() {
     const button = document.createElement("button");
     button.type = "button";
     button.setAttribute("aria-pressed", String(!hidden.has(line.index)));
-    const colour = colourOf(line, colours);
+    const { colour } = line;
     button.append(
       svgElement("svg", { viewBox: "-15 -7 30 14", width: 30, height: 14, "aria-hidden": "true" },
         svgElement("path", { d: "M-15 0H15", stroke: colour, "stroke-width": 1.5, "stroke-dasharray": dashOf(line) }),

@@ -79,6 +79,7 @@ class Controls {
       const row = document.createElement('label'), input = document.createElement('input');
       Object.assign(input, { type: 'radio', name: 'viewer-image', value: i });
       const texts = [i < 10 ? String(i) : '', image.name, details(image), image.note];
+      if (image.colour) row.style.setProperty('--method', image.colour);
       row.append(input, ...texts.map((text) => Object.assign(document.createElement('span'), { textContent: text })));
       return row;
     }));
