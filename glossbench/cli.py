@@ -2,8 +2,10 @@
 
 import json
 import sys
-from collections.abc import Callable
-from importlib.metadata import entry_points, version
+import traceback
+from collections.abc import Callable, Collection
+from functools import partial
+from importlib.metadata import EntryPoint, entry_points, version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -113,8 +115,6 @@ def run(
                 loaded, folder, use_cache=not no_cache, rerun_failed=rerun_failed, fail_fast=fail_fast,
                 progress=progress,
             )  # fmt: skip
-            show(description="reports")
-            pages = [write(results.folder) for write in _report_writers().values()]
     except KeyboardInterrupt:
         err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
         raise typer.Exit(130) from None
@@ -122,14 +122,14 @@ def run(
     warn_of_noise(results.cells)
     print_notes(results.cells)
     print_verdicts(results.claims)
-    for page in pages:
-        say(f"report: {page}")
+    is_whole = _write_reports(results.folder)
     failed = int((results.cells["status"] == "failed").sum())
     if failed:
         err.print(
             f"{_counted(failed, 'cell')} failed: tracebacks are in the report, --rerun-failed tries again",
             style="red",
         )
+    if failed or not is_whole:
         raise typer.Exit(1)
 
 
@@ -144,9 +144,8 @@ def report(
 
     opened = Results.open(results)
     only = {name for name, wanted in (("html", html), ("pdf", pdf)) if wanted}
-    for name, write in _report_writers().items():
-        if not only or name in only:
-            say(f"report: {write(opened.folder)}")
+    if not _write_reports(opened.folder, only):
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -223,5 +222,42 @@ def _counted(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
+def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:
+    """Write the reports, or some of them; one that fails is a line, and the others are still written.
+
+    Returns: whether all were written.
+    """
+    is_whole = True
+    for name, write in _report_writers().items():
+        if only and name not in only:
+            continue
+        try:
+            with err.status(f"report {name}"):
+                page = write(folder)
+            say(f"report: {page}")
+        except KeyboardInterrupt:
+            again = f"the results are whole: `glossbench report {folder}` writes the reports"
+            err.print(f"interrupted: {again}", markup=False, highlight=False, soft_wrap=True)
+            raise typer.Exit(130) from None
+        except (Exception, SystemExit) as error:  # a writer may be another distribution's code
+            is_whole = False
+            _print_fault(f"report {name} failed", error)
+    return is_whole
+
+
+def _print_fault(what: str, error: BaseException) -> None:
+    """One line for an exception: what failed, why, and the place in the source where that is not the user's fault."""
+    text = " ".join(str(error).split())
+    if not isinstance(error, InputError):
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"{type(error).__name__}: {text} ({last.filename}:{last.lineno})"
+    err.print(f"{what}: {text}", style="red", markup=False, highlight=False, soft_wrap=True)
+
+
 def _report_writers() -> dict[str, Callable[[Path], Path]]:
-    return {point.name: point.load() for point in entry_points(group="glossbench.reports")}
+    return {point.name: partial(_written, point) for point in entry_points(group="glossbench.reports")}
+
+
+def _written(point: EntryPoint, folder: Path) -> Path:
+    page: Path = point.load()(folder)
+    return page

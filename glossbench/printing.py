@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 out = Console()
 err = Console(stderr=True)
 PULSE = 30.0  # seconds between two lines
+MAX_ROWS = 40  # of a table, and of what it says below: more than a terminal shows helps no one
 
 
 class Pulse:
@@ -52,17 +53,20 @@ def print_rows(rows: dict[str, str]) -> None:
 
 
 def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
-    """The cells of a run, a row each: names with the options that tell them apart."""
+    """The first cells of a run, a row each, named by the options that tell them apart; and how many more there are."""
     rows = [parsed(row) for row in cells.to_dict("records")]
     names = {kind: names_of(kind, rows) for kind in KINDS}
     kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
-    told = {row["method"]: told_apart([other for other in rows if other["method"] == row["method"]])[1] for row in rows}
+    of_methods: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        of_methods.setdefault(row["method"], []).append(row)
+    told = {method: told_apart(own)[1] for method, own in of_methods.items()}
     table = Table(box=None, pad_edge=False)
     for heading in (*kinds, "method"):
         table.add_column(heading)
     for heading in ("samples", *metrics, "shade ms"):
         table.add_column(heading, justify="right")
-    for row in rows:
+    for row in rows[:MAX_ROWS]:
         options = listed({key: row["options"].get(key) for key in told[row["method"]]})
         method = f"{row['method']} ({options})" if options else row["method"]
         named = [Text(name) for name in (*(names[kind][identity(kind, row)] for kind in kinds), method)]
@@ -76,9 +80,17 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     # Numbers that a narrow window, or a file, would cut are of no use.
     needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
     Console(width=max(needed, out.width)).print(table, soft_wrap=True)
-    for row in rows:
-        if row["status"] != "done":
-            say(f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}")
+    if len(rows) > MAX_ROWS:
+        say(f"... and {len(rows) - MAX_ROWS} more of {len(rows)} rows: all are in the report and in cells.parquet")
+    reasons = dict.fromkeys(
+        f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}"
+        for row in rows
+        if row["status"] != "done"
+    )
+    for reason in list(reasons)[:MAX_ROWS]:
+        say(reason)
+    if len(reasons) > MAX_ROWS:
+        say(f"... and {len(reasons) - MAX_ROWS} more reasons: all are in the report")
 
 
 def print_verdicts(claims: list[dict[str, Any]]) -> None:
