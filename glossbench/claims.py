@@ -169,7 +169,7 @@ def unknown_name(
                 where = (*path, name, option)
                 return where, f"no option {option!r} of {name} in this study{nearest(option, methods[name])}"
         for place, value in places_of(side).items():
-            if problem := _unknown_place(place, value, places):
+            if problem := unknown_place(place, value, places):
                 return (*path, place), problem
     options = [set(methods[method_of(side)]) for side in sides.values()]
     shared = set.intersection(*options)
@@ -192,17 +192,19 @@ def unknown_name(
         if key not in restrictable:
             text = f"no option {key!r} of its methods or materials{nearest(key, restrictable)}"
             return ("where", key), text
-        if problem := _unknown_place(key, value, places):
+        if problem := unknown_place(key, value, places):
             return ("where", key), problem
     return None
 
 
-def _unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
-    """The message for the first light, material or view that a study does not have."""
-    for one in _listed(value):
-        name = next(iter(one), "") if isinstance(one, dict) else one
-        if place in places and name not in places[place]:
-            return f"no {place} {name!r} in this study{nearest(str(name), places[place])}"
+def unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
+    """The message for the first light, material or view that a study does not have, or that is not stated as one."""
+    for one in _listed(value) if place in places else []:
+        name, options = next(iter(one.items())) if isinstance(one, dict) and len(one) == 1 else (one, {})
+        if not isinstance(name, str) or not isinstance(options, dict):
+            return f"must be a {place}, {{{place}: {{option: value}}}}, or a list of these, got {one!r}"
+        if name not in places[place]:
+            return f"no {place} {name!r} in this study{nearest(name, places[place])}"
     return None
 
 
@@ -216,34 +218,6 @@ def agrees(wanted: Any, actual: Any) -> bool:
         alike = len(wanted) == len(actual) and all(agrees(w, a) for w, a in zip(wanted, actual, strict=True))
         return alike or any(isinstance(one, list) and agrees(one, actual) for one in wanted)
     return bool(wanted == actual) and isinstance(wanted, bool) == isinstance(actual, bool)
-
-
-def within(row: Mapping[str, Any], where: Mapping[str, Any], of_methods: Collection[str]) -> bool:
-    """Whether a cell is what `where` asks for; what only the other method has does not restrict it.
-
-    Args:
-        row: names and options of a cell, as `light`, `light_options` and so on, those of its method as `options`.
-        of_methods: the options of all methods that the claim is about.
-    """
-    for key, wanted in where.items():
-        if key in PLACES:
-            fits = any(_is_called(one, row[key], row[f"{key}_options"]) for one in _listed(wanted))
-        elif key in row["options"] or key in of_methods:
-            fits = key not in row["options"] or agrees(wanted, row["options"][key])
-        else:
-            fits = key in row["material_options"] and agrees(wanted, row["material_options"][key])
-        if not fits:
-            return False
-    return True
-
-
-def _is_called(wanted: Any, name: str, options: Mapping[str, Any]) -> bool:
-    """Whether a place answers to a name, or to {name: {option: value, ...}}."""
-    stated: Mapping[str, Any] = {}
-    if isinstance(wanted, dict) and len(wanted) == 1:
-        [(wanted, stated)] = wanted.items()
-    fits = wanted in called(name, options) and isinstance(stated, dict)
-    return fits and all(key in options and agrees(value, options[key]) for key, value in stated.items())
 
 
 def called(name: str, options: Mapping[str, Any]) -> set[str]:

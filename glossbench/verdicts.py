@@ -3,12 +3,14 @@
 import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import compress
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 import pandas
 
+from glossbench.cell_index import CellIndex
 from glossbench.claims import (
     PLACES,
     Claim,
@@ -17,13 +19,11 @@ from glossbench.claims import (
     Side,
     SlopeClaim,
     ValueClaim,
-    agrees,
     method_of,
     methods_of,
     options_of,
     places_of,
     sides_of,
-    within,
 )
 from glossbench.comparisons import (
     FAILS,
@@ -68,6 +68,10 @@ class _Table:
                     seconds = json.loads(row[column])
                     row[column] = float(sum(seconds.values()))
                     row |= {f"{column}.{name}": value for name, value in seconds.items()}
+        self._index = CellIndex.of_rows(self.rows)
+        self._options: dict[str, set[str]] = {}
+        for row in self.rows:
+            self._options.setdefault(row["method"], set()).update(row["options"])
         self._varying = {place: self._telling(place) for place in PLACES}
 
     def _telling(self, place: str) -> dict[str, list[str]]:
@@ -112,15 +116,11 @@ class _Table:
         """The finished cells of a side that a claim is about, the column of the claim being a number."""
         column = claim.metric if isinstance(claim, LowerClaim | SlopeClaim) else claim.of
         about = methods_of(claim)
-        of_methods = {key for row in self.rows if row["method"] in about for key in row["options"]}
+        of_methods = set().union(*(self._options.get(name, set()) for name in about))
+        fits = self._index.is_called("method", method_of(side)) & self._index.within(claim.where, of_methods)
+        fits &= self._index.within(places_of(side) | options_of(side), of_methods)
         picked = []
-        for row in self.rows:
-            if row["method"] != method_of(side) or not within(row, claim.where, of_methods):
-                continue
-            if not within(row, places_of(side), of_methods):
-                continue
-            if not all(agrees(wanted, row["options"].get(key)) for key, wanted in options_of(side).items()):
-                continue
+        for row in compress(self.rows, fits):
             if row["status"] != "done":
                 notes[f"cells {row['status']}"] += 1
                 continue
