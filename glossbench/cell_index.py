@@ -99,6 +99,17 @@ class CellIndex:
             fits = fits & each
         return fits
 
+    def alike(self, kinds: Sequence[str], options: Sequence[str]) -> NDArray[np.intp]:
+        """A number for each cell, equal where cells have the same items of some kinds and options of their methods."""
+        number = np.zeros(len(self._all), np.intp)
+        columns = [(self.codes[kind], self._columns[kind].n) for kind in kinds]
+        for option in options:
+            column = self._columns["method"].column(option)
+            columns.append((column.codes[self.codes["method"]] + 1, len(column.distinct) + 1))
+        for codes, n in columns:
+            number = number * n + codes
+        return number
+
     def values(self, key: str, cells: Mask) -> list[Any]:
         """The values of an option, or the names of a kind, that some cells have, in their order, each once."""
         if key in KINDS:
@@ -113,7 +124,7 @@ class _Columns:
     """The items of one kind, each option a column; a column is made when it is asked for."""
 
     def __init__(self, items: Sequence[Named]) -> None:
-        self._items = items
+        self._items, self.n = items, len(items)
         self._made: dict[str, _Column] = {}
         positions: dict[str, list[int]] = {}
         for i, (name, options) in enumerate(items):
@@ -126,10 +137,10 @@ class _Columns:
         return self._named.get(name, self._none)
 
     def held(self, option: str) -> Mask:
-        return self._column(option).held
+        return self.column(option).held
 
     def agreeing(self, option: str, wanted: Any) -> Mask:
-        column = self._column(option)
+        column = self.column(option)
         agrees_with = np.zeros(len(column.distinct) + 1, bool)  # the last is that of items without the option
         agrees_with[column.agreeing(wanted)] = True
         return agrees_with[column.codes]
@@ -138,10 +149,10 @@ class _Columns:
         return list(dict.fromkeys(self._items[i][0] for i in positions))
 
     def values(self, option: str, positions: Iterable[int]) -> list[Any]:
-        column = self._column(option)
+        column = self.column(option)
         return [column.distinct[c] for c in dict.fromkeys(column.codes[i] for i in positions) if c >= 0]
 
-    def _column(self, option: str) -> "_Column":
+    def column(self, option: str) -> "_Column":
         if option not in self._made:
             self._made[option] = _Column([options.get(option, _ABSENT) for _, options in self._items])
         return self._made[option]

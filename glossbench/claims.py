@@ -146,6 +146,18 @@ def methods_of(claim: Claim) -> set[str]:
     return {method_of(side) for side in sides_of(claim).values()}
 
 
+def pairing(claim: LowerClaim | RatioClaim, shared: Collection[str]) -> tuple[list[str], list[str]]:
+    """The options and the kinds of place in which cells of both sides must be equal to be compared.
+
+    Args:
+        shared: the options that both methods have.
+    """
+    apart = {key for side in sides_of(claim).values() for key in options_of(side)}
+    usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared and key not in apart]
+    stated = {place for side in sides_of(claim).values() for place in places_of(side)}
+    return claim.paired_by or usual, [place for place in PLACES if place not in stated]
+
+
 def unknown_name(
     claim: Claim, methods: Mapping[str, Collection[str]], places: Mapping[str, Collection[str]],
     material_options: Collection[str], metrics: Collection[str], costs: Collection[str],

@@ -3,11 +3,12 @@
 import json
 import sys
 import traceback
+from collections import Counter
 from collections.abc import Callable, Collection
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points, version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -18,7 +19,21 @@ from glossbench.commands.figure import figure
 from glossbench.commands.info import info
 from glossbench.commands.light import light as describe_light
 from glossbench.errors import InputError
-from glossbench.printing import Pulse, err, out, print_notes, print_table, print_verdicts, say, warn_of_noise
+from glossbench.printing import (
+    Pulse,
+    err,
+    out,
+    print_notes,
+    print_plan,
+    print_rows,
+    print_table,
+    print_verdicts,
+    say,
+    warn_of_noise,
+)
+
+if TYPE_CHECKING:
+    from glossbench.study import Study
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -92,10 +107,7 @@ def run(
         output = Path("results") / f"{loaded.name}_{Path(light).stem}"
     folder = output or Path("results") / loaded.name
     if dry_run:
-        for cell in loaded.cells():
-            items = (cell.light, cell.material, cell.view, cell.method)
-            say("  ".join(f"{item.name} {item.json}" for item in items))
-        say(f"{len(loaded.cells())} cells would go to {folder}")
+        _print_plan(loaded, folder)
         return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     try:
@@ -151,17 +163,12 @@ def report(
 @app.command()
 def validate(study: StudyArgument) -> None:
     """Check a study without running it."""
-    from glossbench.study import load_study
+    from glossbench.describing import described, in_one_line
+    from glossbench.study import study_with_forms
 
-    loaded = load_study(study)
-    cells = loaded.cells()
-    counts = [_counted(len({getattr(cell, kind) for cell in cells}), kind) for kind in ("light", "material", "view")]
-    counts += [_counted(len(cells), "cell"), _counted(len(loaded.claims), "claim")]
-    out.print(
-        f"{loaded.title}: {', '.join(counts)}",
-        markup=False,
-        highlight=False,
-    )
+    loaded, forms = study_with_forms(study)
+    say(in_one_line(loaded))
+    print_rows(described(loaded, forms))
 
 
 @app.command()
@@ -220,6 +227,19 @@ def sys_info() -> None:
 
 def _counted(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def _print_plan(study: "Study", folder: Path) -> None:
+    """What a run would do."""
+    from glossbench.runner import kept_statuses
+
+    cells, statuses = study.cells(), kept_statuses(study, folder)
+    print_plan(cells, statuses)
+    count = Counter(statuses)
+    told = [f"{count[status]} {status}" for status in ("done", "skipped", "failed", "new") if count[status]]
+    say(f"{_counted(len(cells), 'cell')} would go to {folder}: {', '.join(told)}")
+    if count["failed"]:
+        say("failed cells stay as they are; --rerun-failed tries them again")
 
 
 def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:

@@ -11,8 +11,12 @@ from rich.text import Text
 from glossbench.rows import KINDS, identity, listed, names_of, parsed, told_apart
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pandas
     from rich.progress import Progress
+
+    from glossbench.items import Cell
 
 out = Console()
 err = Console(stderr=True)
@@ -57,18 +61,13 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     rows = [parsed(row) for row in cells.to_dict("records")]
     names = {kind: names_of(kind, rows) for kind in KINDS}
     kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
-    of_methods: dict[str, list[dict[str, Any]]] = {}
-    for row in rows:
-        of_methods.setdefault(row["method"], []).append(row)
-    told = {method: told_apart(own)[1] for method, own in of_methods.items()}
+    methods = _method_names(rows)
     table = Table(box=None, pad_edge=False)
     for heading in (*kinds, "method"):
         table.add_column(heading)
     for heading in ("samples", *metrics, "shade ms"):
         table.add_column(heading, justify="right")
-    for row in rows[:MAX_ROWS]:
-        options = listed({key: row["options"].get(key) for key in told[row["method"]]})
-        method = f"{row['method']} ({options})" if options else row["method"]
+    for row, method in list(zip(rows, methods, strict=True))[:MAX_ROWS]:
         named = [Text(name) for name in (*(names[kind][identity(kind, row)] for kind in kinds), method)]
         if row["status"] != "done":
             table.add_row(*named, row["status"])
@@ -91,6 +90,36 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
         say(reason)
     if len(reasons) > MAX_ROWS:
         say(f"... and {len(reasons) - MAX_ROWS} more reasons: all are in the report")
+
+
+def _method_names(rows: list[dict[str, Any]], over: str = "samples") -> list[str]:
+    """Of each row the method, with the options that tell it from others of its name, that of `over` left out."""
+    of_methods: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        of_methods.setdefault(row["method"], []).append(row)
+    told = {method: told_apart(own, over)[1] for method, own in of_methods.items()}
+    texts = [listed({key: row["options"].get(key) for key in told[row["method"]]}) for row in rows]
+    return [f"{row['method']} ({text})" if text else row["method"] for row, text in zip(rows, texts, strict=True)]
+
+
+def print_plan(cells: "Sequence[Cell]", statuses: "Sequence[str]") -> None:
+    """What a run would make, a line a cell: what is on disk of it, and the names that tell it from the others."""
+    rows = []
+    for cell in cells:
+        row: dict[str, Any] = {"method": cell.method.name, "options": json.dumps(cell.method.options)}
+        row |= {"tuned": json.dumps({cell.method.tune.option: ""} if cell.method.tune else {})}
+        for kind in KINDS:
+            item = getattr(cell, kind)
+            row |= {kind: item.name, f"{kind}_options": json.dumps(item.options)}
+        rows.append(parsed(row | {"status": "new", "n_samples": 0}))
+    names = {kind: names_of(kind, rows) for kind in KINDS}
+    columns = [list(statuses)]
+    kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
+    columns += [[names[kind][identity(kind, row)] for row in rows] for kind in kinds]
+    columns += [_method_names(rows, over="")]
+    widths = [max(map(len, column)) for column in columns]
+    for line in zip(*columns, strict=True):
+        say("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
 
 
 def print_verdicts(claims: list[dict[str, Any]]) -> None:

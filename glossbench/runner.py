@@ -75,7 +75,7 @@ def run_study(
     Raises:
         InputError: no such device, a light cannot be read, or the folder cannot be written; then nothing is.
     """
-    if study.device == "cuda" and not torch.cuda.is_available():
+    if not study.has_device():
         raise InputError("the study wants device: cuda, but there is none here; say device: cpu")
     progress = progress or Progress()
     cells = study.cells()
@@ -97,6 +97,16 @@ def run_study(
         study.resolved(), judge(study.claims, pandas.DataFrame(rows)), rows, provenance(study.device, started)
     )
     return results
+
+
+def kept_statuses(study: Study, folder: Path) -> list[str]:
+    """Of each cell of a study what a folder has of it: done, skipped or failed; new where it has nothing."""
+    results = Results(folder)
+    if not any((folder / "cells").glob("*.json")):
+        return ["new"] * len(study.cells())
+    executor = _Executor(study, results, _Lights(study), Progress(), True, False)
+    keys = [executor.identity(cell)["key"] for cell in study.cells()]
+    return [str(results.cell(key)["status"]) if results.has_cell(key) else "new" for key in keys]
 
 
 class _Lights:
@@ -151,16 +161,20 @@ class _Executor:
         self._stages_light: Item | None = None
         self._truth: tuple[str, Reference] | None = None
 
-    def run(self, cell: Cell, rerun_failed: bool) -> dict[str, Any]:
-        """The row of a cell: read from disk, or made and written."""
+    def identity(self, cell: Cell) -> dict[str, Any]:
+        """The row of a cell under its keys, with nothing measured yet."""
         light = [self.lights.key(cell.light), source_hash(LIGHTS.get(cell.light.name))]
         reference_key = key_of(
             [self._code, light, _stated(MATERIALS, cell.material), _stated(VIEWS, cell.view),
              self.study.reference.model_dump(), self.study.device]
         )  # fmt: skip
         metrics = [[name, source_hash(METRICS.get(name))] for name in self.study.metrics]
-        key = key_of([reference_key, _stated(METHODS, cell.method), metrics])
-        row = self._identity(cell, key, reference_key)
+        return self._identity(cell, key_of([reference_key, _stated(METHODS, cell.method), metrics]), reference_key)
+
+    def run(self, cell: Cell, rerun_failed: bool) -> dict[str, Any]:
+        """The row of a cell: read from disk, or made and written."""
+        row = self.identity(cell)
+        key = row["key"]
         if self.use_cache and self.results.has_cell(key):
             stored = self.results.cell(key)
             if not (rerun_failed and stored["status"] == "failed"):

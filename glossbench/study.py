@@ -3,11 +3,13 @@
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import compress, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from glossbench.cell_index import CellIndex, Mask
 from glossbench.claims import Claim, methods_of
@@ -78,7 +80,7 @@ class Study:
 
     def _comparing(self, methods: tuple[MethodItem, ...]) -> "Study":
         """The study of these methods, without the exclusions and claims that are about others."""
-        every = replace(self, methods=methods).index()
+        every = replace(self, methods=methods).index
         fits = [every.excluded(entry) for entry in self.exclude]
         if fits and np.logical_or.reduce(fits).all():
             raise InputError("exclude leaves no cell")
@@ -90,16 +92,21 @@ class Study:
     def cells(self) -> list[Cell]:
         """Every light x material x view x method in this order, but those excluded."""
         every = product(self.lights, self.materials, self.views, self.methods)
-        return [Cell(*items) for items in compress(every, self.kept())]
+        return [Cell(*items) for items in compress(every, self.kept)]
 
+    @cached_property
     def kept(self) -> Mask:
         """Which of all combinations no entry of `exclude` leaves out."""
-        index = self.index()
-        kept = np.ones(len(index.codes["method"]), bool)
+        kept = np.ones(len(self.index.codes["method"]), bool)
         for entry in self.exclude:
-            kept &= ~index.excluded(entry)
+            kept &= ~self.index.excluded(entry)
         return kept
 
+    def has_device(self) -> bool:
+        """Whether this machine has the device."""
+        return self.device == "cpu" or torch.cuda.is_available()
+
+    @cached_property
     def index(self) -> CellIndex:
         """All combinations of its items, a tuned option as the study states it."""
         kinds = {"light": self.lights, "material": self.materials, "view": self.views, "method": self.methods}
@@ -130,6 +137,11 @@ def load_study(name_or_path: str | Path, light: str | None = None) -> Study:
     Raises:
         InputError: the study cannot be read, or is wrong; one line that begins with FILE:LINE:COLUMN.
     """
+    return study_with_forms(name_or_path, light)[0]
+
+
+def study_with_forms(name_or_path: str | Path, light: str | None = None) -> tuple[Study, dict[str, list[Form]]]:
+    """The study as `load_study` has it, and its items as the file states them."""
     path = _path_of(name_or_path)
     document = read_document(path)
     model = document.validate(StudyKeys)
@@ -170,7 +182,7 @@ def load_study(name_or_path: str | Path, light: str | None = None) -> Study:
         name=path.stem, folder=folder,
     )  # fmt: skip
     study = replace(study, exclude=checked_exclude(document, study, any_light=light is not None))
-    return replace(study, claims=checked_claims(document, study, any_light=light is not None))
+    return replace(study, claims=checked_claims(document, study, any_light=light is not None)), forms
 
 
 def _path_of(name_or_path: str | Path) -> Path:

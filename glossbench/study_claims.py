@@ -37,7 +37,7 @@ def checked_exclude(document: Document, study: "Study", any_light: bool) -> tupl
     Args:
         any_light: the lights are not the study's own, so that what was said about those may fit nothing.
     """
-    index = study.index()
+    index = study.index
     excluded = np.zeros(len(index.codes["method"]), bool)
     options = {key for kind in (study.methods, study.materials, study.views, study.lights) for item in kind
                for key in item.options}  # fmt: skip
@@ -93,7 +93,7 @@ def checked_claims(document: Document, study: "Study", any_light: bool) -> tuple
 
 def _check_where(document: Document, study: "Study", claims: list[Claim], any_light: bool) -> None:
     """InputError for a claim that no cell of one of its sides is about."""
-    index, kept = claim_index(study), study.kept()
+    index, kept = claim_index(study), study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
         options.setdefault(item.name, set()).update(item.options)

@@ -57,6 +57,11 @@ class Form:
         if self.tune and not _has_default(self.cls, self.tune.option):
             self._start[self.tune.option] = self.tune.low
 
+    @property
+    def noun(self) -> str:
+        """What one variant is: a light, material, view or method."""
+        return self._kind.removesuffix("s")
+
     def n_variants(self) -> int:
         return math.prod(len(axis.values) for axis in self.axes)
 

@@ -22,6 +22,7 @@ from glossbench.claims import (
     method_of,
     methods_of,
     options_of,
+    pairing,
     places_of,
     sides_of,
 )
@@ -137,12 +138,9 @@ class _Table:
         """Cells of both sides on one light, material and view, what a side states aside, at equal pairing options."""
         first, second = picked
         shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in picked))
-        apart = {key for side in sides_of(claim).values() for key in options_of(side)}
-        usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared - apart]
-        keys = claim.paired_by or usual
+        keys, places = pairing(claim, shared)
         varying = [_varying(row["options"] for row in rows) for rows in picked]
-        stated = {place for side in sides_of(claim).values() for place in places_of(side)}
-        places = [place for place in PLACES if place not in stated]
+        stated = [place for place in PLACES if place not in places]
         partners: dict[str, list[Row]] = {}
         for b in second:
             partners.setdefault(_key(b, keys, places), []).append(b)

@@ -264,8 +264,8 @@ def test_a_light_on_the_command_line_replaces_those_of_the_study(call):
     n_cells = len(load_study("quickstart").cells())
     lines = out.splitlines()
     assert code == 0
-    assert lines[-1] == f"{n_cells} cells would go to results/quickstart_probe"
-    assert all(line.startswith("file {") and '"file": "probe.exr"' in line for line in lines[:-1])
+    assert lines[-1] == f"{n_cells} cells would go to results/quickstart_probe: {n_cells} new"
+    assert all(line.startswith("new  probe.exr  ") for line in lines[:-1])
 
 
 @pytest.mark.usefixtures("without_reports")
@@ -286,10 +286,26 @@ def test_a_dry_run_names_the_cells_and_writes_nothing(call, here):
 
     lines = out.splitlines()
     assert (code, err) == (0, "")
-    assert len(lines) == 5
-    assert all(line.startswith("gradient {") and " ggx {" in line for line in lines[:4])
-    assert lines[-1] == "4 cells would go to x[1]"
+    assert lines == [
+        "new  gradient  ggx  importance_sampling (samples 4)",
+        "new  gradient  ggx  importance_sampling (samples 8)",
+        "new  gradient  ggx  environment_sampling (samples 4)",
+        "new  gradient  ggx  environment_sampling (samples 8)",
+        "4 cells would go to x[1]: 4 new",
+    ]
     assert everything(here) == before
+
+
+def test_a_dry_run_says_which_cells_are_done_and_which_have_failed(call, results):
+    done = Results(results).cells["key"][0]
+    cell = results / "cells" / f"{done}.json"
+    cell.write_text(cell.read_text().replace('"done"', '"failed"'))
+
+    lines = call("run", "tiny.yaml", "--dry-run").out.splitlines()
+
+    assert [line.split()[0] for line in lines[:4]] == ["failed", "done", "new", "new"]
+    assert lines[4] == "4 cells would go to results/tiny: 1 done, 1 failed, 2 new"
+    assert lines[5] == "failed cells stay as they are; --rerun-failed tries them again"
 
 
 def test_an_interrupt_ends_with_130_and_one_line(call, monkeypatch):
@@ -433,10 +449,24 @@ def test_a_wrong_call_is_one_line_and_nothing_is_written(call, here, arguments, 
 # Looking things up
 
 
-def test_validate_counts_cells_and_claims(call, here):
+VALIDATED = """\
+Tiny: 1 light, 1 material, 1 view, 4 cells, 1 claim
+light     gradient: resolution 16
+material  ggx: alpha 0.5 (isotropic)
+view      sphere: resolution 8
+methods   importance_sampling: samples 4, 8 -> 2 methods
+          environment_sampling: samples 4, 8 -> 2 methods
+metrics   rms, relative_rms, mean_error, max_error
+device    cpu
+claims    2 pairs: A [b] /c
+
+"""
+
+
+def test_validate_says_what_a_study_makes_and_writes_nothing(call, here):
     before = everything(here)
 
-    assert call("validate", "tiny.yaml") == (0, "Tiny: 1 light, 1 material, 1 view, 4 cells, 1 claim\n", "")
+    assert call("validate", "tiny.yaml") == (0, VALIDATED, "")
     assert everything(here) == before
 
 
@@ -732,15 +762,15 @@ def test_a_run_takes_the_name_of_a_light(call):
     code, out, err = call("run", "tiny.yaml", "--light", "constant", "--dry-run")
 
     assert (code, err) == (0, "")
-    assert all(line.startswith("constant {") for line in out.splitlines()[:-1])
-    assert out.splitlines()[-1] == "4 cells would go to results/tiny_constant"
+    assert all(line.startswith("new  constant  ") for line in out.splitlines()[:-1])
+    assert out.splitlines()[-1] == "4 cells would go to results/tiny_constant: 4 new"
 
 
 def test_a_run_takes_a_name_of_the_catalogue_and_fetches_nothing_before_it_starts(call, here):
     code, out, err = call("run", "tiny.yaml", "--light", "grace_cross", "--dry-run")
 
     assert (code, err) == (0, "")
-    assert out.splitlines()[-1] == "4 cells would go to results/tiny_grace_cross"
+    assert out.splitlines()[-1] == "4 cells would go to results/tiny_grace_cross: 4 new"
     assert not (here / "no cache").exists()
 
 

@@ -224,7 +224,7 @@ def test_the_study_that_the_broken_ones_come_from_is_whole(call):
 
     code, out, err = call("validate", "my.yaml")
 
-    assert (code, out, err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim\n", "")
+    assert (code, out.splitlines()[0], err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim", "")
 
 
 def pipe(name: str) -> str:
@@ -355,7 +355,7 @@ def test_a_where_of_two_sides_may_fit_each(call):
 
     code, out, err = call("validate", "my.yaml")
 
-    assert (code, out, err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim\n", "")
+    assert (code, out.splitlines()[0], err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim", "")
 
 
 def test_a_side_that_no_cell_has_is_pointed_at(call):
