@@ -31,17 +31,30 @@ def _ordered(bounds: tuple[float | None, float | None]) -> tuple[float | None, f
     return bounds
 
 
-def _one_method(side: str | dict[str, Any]) -> str | dict[str, Any]:
-    if isinstance(side, dict) and (len(side.keys() - set(PLACES)) != 1 or not isinstance(side[method_of(side)], dict)):
-        raise ValueError("must be a method, or {method: {option: value}}, beside it light, material or view at most")
+def _one_method(side: Any) -> Any:
+    rule = "must be a method, or {method: {option: value}}, beside it light, material or view at most"
+    if not isinstance(side, str | dict):
+        raise ValueError(rule)
+    if isinstance(side, dict):
+        others = [key for key in side if key not in PLACES]
+        if len(others) > 1 and isinstance(side[others[0]], dict | None):
+            raise ValueError(f"{rule}; options go inside: {{{others[0]}: {{{others[1]}: ...}}}}")
+        if len(others) != 1 or not isinstance(side[others[0]], dict):
+            raise ValueError(rule)
     return side
 
 
-Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_ordered), BeforeValidator(_tuple)]
+def _pair(bounds: Any) -> Any:
+    if not isinstance(bounds, list | tuple) or len(bounds) != 2:
+        raise ValueError("must be [low, high], null for what has no bound")
+    return tuple(bounds)
+
+
+Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_ordered), BeforeValidator(_pair)]
 Name = Annotated[str, Field(min_length=1)]
 # A method; or {method: {option: value, ...}} for those of its cells that have these values, and beside the method a
 # light, material or view, stated as in `where`, for those that are of it.
-Side = Annotated[str | dict[Name, Any], AfterValidator(_one_method)]
+Side = Annotated[str | dict[Name, Any], BeforeValidator(_one_method)]
 Names = Annotated[list[Name], BeforeValidator(_listed, json_schema_input_type=Name | list[Name])]
 
 
@@ -201,6 +214,8 @@ def unknown_name(
             return (key,), f"no {what} {name!r} in this study{nearest(name, known)}"
     restrictable = {*PLACES, *material_options, *set.union(*options)}
     for key, value in claim.where.items():
+        if key == "method":
+            return ("where", key), "a claim's methods are its sides, not a part of where"
         if key not in restrictable:
             text = f"no option {key!r} of its methods or materials{nearest(key, restrictable)}"
             return ("where", key), text

@@ -44,6 +44,8 @@ class ReferenceOptions(BaseModel):
 
 
 def _module(name: str) -> str:
+    if name.endswith(".py"):
+        raise ValueError(f"must be the dotted name of a module, without .py: {name.removesuffix('.py')}")
     if not all(part.isidentifier() for part in name.split(".")):
         raise ValueError("must be the dotted name of a module, such as my_lab.my_method")
     return name

@@ -1,6 +1,7 @@
 """Studies: a YAML file -> a checked Study -> the cells to be run."""
 
 import math
+import os
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,6 +26,7 @@ from glossbench.sweeps import Form
 from glossbench.yaml_marks import Document, KeyPath, path_text, read_document
 
 MAX_CELLS = 100_000
+ENDINGS = (".yaml", ".yml")
 
 
 @dataclass(frozen=True)
@@ -186,12 +188,25 @@ def study_with_forms(name_or_path: str | Path, light: str | None = None) -> tupl
 
 
 def _path_of(name_or_path: str | Path) -> Path:
-    if isinstance(name_or_path, Path) or Path(name_or_path).suffix in (".yaml", ".yml"):
-        return Path(name_or_path)
+    if isinstance(name_or_path, Path) or Path(name_or_path).suffix in ENDINGS:
+        return _with_hint(Path(name_or_path))
     installed = study_files()
-    if name_or_path not in installed:
-        raise InputError(f"unknown study {name_or_path!r}{nearest(name_or_path, installed)}")
-    return installed[name_or_path]
+    if name_or_path in installed:
+        return installed[name_or_path]
+    beside = next((f"{name_or_path}{end}" for end in ENDINGS if os.path.isfile(f"{name_or_path}{end}")), None)
+    hint = f"; did you mean {beside!r}?" if beside else nearest(name_or_path, installed)
+    if os.path.isfile(name_or_path):
+        hint = f"; the file of that name is no study: one ends in {' or '.join(ENDINGS)}"
+    raise InputError(f"unknown study {name_or_path!r}{hint}")
+
+
+def _with_hint(path: Path) -> Path:
+    """The path; InputError with the nearest study beside it where there is no such file but one of nearly its name."""
+    if not os.path.lexists(path) and path.parent.is_dir():
+        files = [file.name for file in path.parent.iterdir() if file.suffix in ENDINGS]
+        if close := nearest(path.name, files).rpartition("; did you mean ")[2]:
+            raise InputError(f"cannot read the study {str(path)!r}: No such file or directory; did you mean {close}")
+    return path
 
 
 def _entries(document: Document, kind: str) -> list[tuple[KeyPath, Any]]:

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from glossbench.study import Study
 
 MAX_VALUES = 8  # that a message lists
+LARGER = ("higher", "greater", "larger", "more", "above", "worse")
+OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by")
 
 
 def checked_exclude(document: Document, study: "Study", any_light: bool) -> tuple[dict[str, Any], ...]:
@@ -42,14 +44,17 @@ def checked_exclude(document: Document, study: "Study", any_light: bool) -> tupl
     options = {key for kind in (study.methods, study.materials, study.views, study.lights) for item in kind
                for key in item.options}  # fmt: skip
     known = [*PLACES, "method", *options]
-    names = _names(study, any_light)
+    names = _names(study, any_light) | {"method": {item.name for item in study.methods}}
     kept = []
     for i, entry in enumerate(study.exclude):
         path: KeyPath = ("exclude", i)
+        unknown = [] if any_light else [key for key in entry if key not in known]
+        if unknown and unknown[0] in names["method"]:
+            text = f"{path_text(path)}: unknown key {unknown[0]!r}; write method: {unknown[0]}, and options beside it"
+            raise document.error((*path, unknown[0]), text, at_key=True)
+        if unknown:
+            raise document.unknown(path, "key", unknown, known)
         for key, value in entry.items():
-            if key not in known and not any_light:
-                text = f"{path_text(path)}: unknown key {key!r}{nearest(key, known)}"
-                raise document.error((*path, key), text, at_key=True)
             if key in names and (problem := unknown_place(key, value, names)):
                 raise document.error((*path, key), f"{path_text((*path, key))}: {problem}")
         fits = index.excluded(entry)
@@ -79,7 +84,7 @@ def checked_claims(document: Document, study: "Study", any_light: bool) -> tuple
         if len(kinds) != 1:
             got = " and ".join(kinds) or "none"
             text = f"{path_text(path)} needs one of the keys {', '.join(KINDS)}, got {got}"
-            raise document.error(path, text)
+            raise document.error(path, text + _instead_of(entry))
         claim = document.validate(KINDS[kinds[0]], path)
         problem = unknown_name(claim, methods, names, material_options, study.metrics, costs)
         if problem:
@@ -89,6 +94,20 @@ def checked_claims(document: Document, study: "Study", any_light: bool) -> tuple
     if found:
         _check_where(document, study, found, any_light)
     return tuple(found)
+
+
+def _instead_of(entry: Any) -> str:
+    """What to write instead of a claim of a kind that there is not."""
+    keys = list(entry) if isinstance(entry, dict) else []
+    if larger := next((key for key in keys if key in LARGER), None):
+        return f"; in place of {larger!r} write lower, with the two sides exchanged"
+    hints = (nearest(key, KINDS) for key in keys if key not in OTHER_KEYS)
+    if close := next((hint for hint in hints if "did you mean" in hint), ""):
+        return close
+    if "than" in keys:
+        return "; that one side has the lower error is written lower: METHOD, than: METHOD, metric: ERROR"
+    is_value = {"equals", "equal", "between"} & set(keys)
+    return "; that a column of one method has a value is written value: METHOD, of: COLUMN" if is_value else ""
 
 
 def _check_where(document: Document, study: "Study", claims: list[Claim], any_light: bool) -> None:

@@ -264,7 +264,7 @@ def test_exclude_spares_a_method_that_lacks_the_option(write):
 
 
 def test_numbers_are_those_of_yaml_1_2(write):
-    text = a_study(reference="{relative_error: 1e-2}", methods="{sampler: {samples: 010, bias: -1.5e0, gain: .5}}")
+    text = a_study(reference="{relative_error: 1e-2}", methods="{sampler: {samples: 10, bias: -1.5e0, gain: .5}}")
 
     study = load_study(write(text))
 
@@ -761,7 +761,7 @@ WRONG = [
     ),
     (
         a_study(methods="{sampler: {samples: {tune: rms, range: [1, 9]}}}"),
-        "5:49: methods.sampler.samples.range must be a valid integer, got ",
+        "5:30: methods.sampler.samples: only an option that takes fractions can be tuned; sweep this one: a list of",
     ),
     # exclude
     (a_study(exclude="[{samples: 41}]"), "6:11: exclude[0] fits no cell"),
