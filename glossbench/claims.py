@@ -77,6 +77,12 @@ class LowerClaim(_Claim):
     """|metric| of one side is below that of another, for every light, material, view and pairing option.
 
     A light, material or view that a side states does not pair: so two of them are compared with each other.
+
+    Attributes:
+        lower: the side whose metric is below: a method, or {method: {option: value}}.
+        than: the other side.
+        metric: the error that is compared.
+        paired_by: options at equal values of which cells are compared; by default those of `where`, and samples.
     """
 
     kind: ClassVar[str] = "lower"
@@ -87,7 +93,14 @@ class LowerClaim(_Claim):
 
 
 class SlopeClaim(_Claim):
-    """The least-squares slope of log |metric or cost| over log option lies within bounds, for every curve."""
+    """The least-squares slope of log |metric or cost| over log option lies within bounds, for every curve.
+
+    Attributes:
+        slope: a method, or {method: {option: value}}.
+        over: the option along the curve; three values of it at least.
+        metric: an error or a cost.
+        between: [low, high] of the slope, null for what has no bound.
+    """
 
     kind: ClassVar[str] = "slope"
     slope: Side
@@ -97,7 +110,14 @@ class SlopeClaim(_Claim):
 
 
 class RatioClaim(_Claim):
-    """A column of one side over that of another lies within bounds; pairs as in LowerClaim."""
+    """A column of one side over that of another lies within bounds; pairs as in LowerClaim.
+
+    Attributes:
+        ratio: [side, side], the first over the second: a method each, or {method: {option: value}}.
+        of: an error or a cost.
+        between: [low, high] of the ratio, null for what has no bound.
+        paired_by: options at equal values of which cells are compared; by default those of `where`, and samples.
+    """
 
     kind: ClassVar[str] = "ratio"
     ratio: Annotated[tuple[Side, Side], BeforeValidator(_tuple)]
@@ -107,7 +127,14 @@ class RatioClaim(_Claim):
 
 
 class ValueClaim(_Claim):
-    """A column of a method lies within bounds, or equals a number, in every cell."""
+    """A column of a method lies within bounds, or equals a number, in every cell.
+
+    Attributes:
+        value: a method, or {method: {option: value}}.
+        of: an error or a cost.
+        between: [low, high], null for what has no bound.
+        equals: the number, to 9 digits.
+    """
 
     kind: ClassVar[str] = "value"
     value: Side

@@ -204,8 +204,8 @@ def _with_hint(path: Path) -> Path:
     """The path; InputError with the nearest study beside it where there is no such file but one of nearly its name."""
     if not os.path.lexists(path) and path.parent.is_dir():
         files = [file.name for file in path.parent.iterdir() if file.suffix in ENDINGS]
-        if close := nearest(path.name, files).rpartition("; did you mean ")[2]:
-            raise InputError(f"cannot read the study {str(path)!r}: No such file or directory; did you mean {close}")
+        if "did you mean" in (hint := nearest(path.name, files)):
+            raise InputError(f"cannot read the study {str(path)!r}: No such file or directory{hint}")
     return path
 
 

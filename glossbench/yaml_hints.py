@@ -17,10 +17,8 @@ def hint(problem: str, lines: list[str], line: int, column: int) -> str:
     if problem.startswith("mapping values are not allowed"):
         return _second_colon(before, text[column + 1 :].strip(), above)
     if problem.startswith("could not find expected ':'"):
-        item = re.match(r"\s*([-–—])(\S.*)$", text)
-        return (
-            f"; a dash needs a space after it: - {item[2].strip()}" if item else "; it is no key: value and no - item"
-        )
+        item = re.match(r"\s*[-–—]\s*(\S.*)$", text)
+        return f"; a plain dash and a space begin an item: - {item[1].strip()}" if item else "; a key needs a colon"
     if ("<block end>" in problem and "scalar" in problem) or "cannot start any token" in problem:
         return "; text that begins with a sign needs quotes around all of it"
     if problem.startswith("expected alphabetic or numeric character"):

@@ -99,7 +99,7 @@ HINTS = [
     (a_study(methods="{regular_sampling: {mip_bias: {range: [0, 1]}}}"), "5:40",
      "methods.regular_sampling.mip_bias must be a valid number; to tune it write {tune: METRIC, range: [low, high]}"),
     (a_study(methods="{regular_sampling: {mip_bias: [{tune: rms}, 0]}}"), "5:41",
-     "methods.regular_sampling.mip_bias[0] must be a valid number; to tune it write {tune: METRIC, range: [low, high]}"),
+     "methods.regular_sampling.mip_bias[0] must be a valid number; to tune it write {tune: METRIC, range: [low, "),
     (a_study(methods="{regular_sampling: {mip_bias: {tune: rms, range: [0, 1, 2]}}}"), "5:59",
      "methods.regular_sampling.mip_bias.range must have at most 2 items, not 3, got [0, 1, 2]"),
     # Claims and exclusions
