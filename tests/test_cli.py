@@ -1050,3 +1050,12 @@ def test_the_table_of_5000_cells_is_its_first_rows_and_a_count(capsys):
     assert lines[-1] == "skipped: importance_sampling: it cannot"
     # Measured 0.7 s; where each row is compared with all others, four minutes.
     assert time.process_time() - started < 10
+
+
+@pytest.mark.parametrize("name", ["regular_sampling", "importance_sampling"])
+def test_info_has_the_formula_in_plain_letters_and_not_in_the_notation_of_print(call, name):
+    out = call("info", name).out
+
+    assert "Lo ~ (1/N) sum of" in out
+    assert "approx" not in out
+    assert "sum_(i=1)" not in out
