@@ -177,13 +177,16 @@ class _Column:
                     self._alike.setdefault(scalar, []).append(known[key])
                 self.distinct.append(value)
             codes.append(known[key])
+        self._all_scalar = not any(isinstance(value, list | dict) for value in self.distinct)
         self.codes = np.array(codes, np.intp)
         self.held = self.codes >= 0
 
     def agreeing(self, wanted: Any) -> list[int]:
-        if isinstance(wanted, list | dict):
+        if isinstance(wanted, dict) or (isinstance(wanted, list) and not self._all_scalar):
             return [i for i, value in enumerate(self.distinct) if agrees(wanted, value)]
-        return self._alike.get((isinstance(wanted, bool), wanted), [])
+        each = wanted if isinstance(wanted, list) else [wanted]
+        scalars = ((isinstance(one, bool), one) for one in each if not isinstance(one, list | dict))
+        return [i for scalar in scalars for i in self._alike.get(scalar, [])]
 
 
 def _scalar(value: Any) -> tuple[bool, Any] | None:

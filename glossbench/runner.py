@@ -160,16 +160,27 @@ class _Executor:
         self._stages = StageCache(self.progress.doing)
         self._stages_light: Item | None = None
         self._truth: tuple[str, Reference] | None = None
+        self._metrics = [[name, source_hash(METRICS.get(name))] for name in study.metrics]
+        self._sources: dict[str, str] = {}
+        self._meanings: dict[int, list[Any]] = {}
+
+    def _stated(self, registry: Registry[Any], item: Item) -> list[Any]:
+        """What makes an item what it is, found once in a run and not once in each of its cells."""
+        if id(item) not in self._meanings:
+            self._meanings[id(item)] = _stated(registry, item)
+        return self._meanings[id(item)]
 
     def identity(self, cell: Cell) -> dict[str, Any]:
         """The row of a cell under its keys, with nothing measured yet."""
-        light = [self.lights.key(cell.light), source_hash(LIGHTS.get(cell.light.name))]
+        if cell.light.name not in self._sources:
+            self._sources[cell.light.name] = source_hash(LIGHTS.get(cell.light.name))
+        light = [self.lights.key(cell.light), self._sources[cell.light.name]]
         reference_key = key_of(
-            [self._code, light, _stated(MATERIALS, cell.material), _stated(VIEWS, cell.view),
+            [self._code, light, self._stated(MATERIALS, cell.material), self._stated(VIEWS, cell.view),
              self.study.reference.model_dump(), self.study.device]
         )  # fmt: skip
-        metrics = [[name, source_hash(METRICS.get(name))] for name in self.study.metrics]
-        return self._identity(cell, key_of([reference_key, _stated(METHODS, cell.method), metrics]), reference_key)
+        key = key_of([reference_key, self._stated(METHODS, cell.method), self._metrics])
+        return self._identity(cell, key, reference_key)
 
     def run(self, cell: Cell, rerun_failed: bool) -> dict[str, Any]:
         """The row of a cell: read from disk, or made and written."""
