@@ -31,17 +31,30 @@ def _ordered(bounds: tuple[float | None, float | None]) -> tuple[float | None, f
     return bounds
 
 
-def _one_method(side: str | dict[str, Any]) -> str | dict[str, Any]:
-    if isinstance(side, dict) and (len(side.keys() - set(PLACES)) != 1 or not isinstance(side[method_of(side)], dict)):
-        raise ValueError("must be a method, or {method: {option: value}}, beside it light, material or view at most")
+def _one_method(side: Any) -> Any:
+    rule = "must be a method, or {method: {option: value}}, beside it light, material or view at most"
+    if not isinstance(side, str | dict):
+        raise ValueError(rule)
+    if isinstance(side, dict):
+        others = [key for key in side if key not in PLACES]
+        if len(others) > 1 and isinstance(side[others[0]], dict | None):
+            raise ValueError(f"{rule}; options go inside: {{{others[0]}: {{{others[1]}: ...}}}}")
+        if len(others) != 1 or not isinstance(side[others[0]], dict):
+            raise ValueError(rule)
     return side
 
 
-Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_ordered), BeforeValidator(_tuple)]
+def _pair(bounds: Any) -> Any:
+    if not isinstance(bounds, list | tuple) or len(bounds) != 2:
+        raise ValueError("must be [low, high], null for what has no bound")
+    return tuple(bounds)
+
+
+Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_ordered), BeforeValidator(_pair)]
 Name = Annotated[str, Field(min_length=1)]
 # A method; or {method: {option: value, ...}} for those of its cells that have these values, and beside the method a
 # light, material or view, stated as in `where`, for those that are of it.
-Side = Annotated[str | dict[Name, Any], AfterValidator(_one_method)]
+Side = Annotated[str | dict[Name, Any], BeforeValidator(_one_method)]
 Names = Annotated[list[Name], BeforeValidator(_listed, json_schema_input_type=Name | list[Name])]
 
 
@@ -64,6 +77,12 @@ class LowerClaim(_Claim):
     """|metric| of one side is below that of another, for every light, material, view and pairing option.
 
     A light, material or view that a side states does not pair: so two of them are compared with each other.
+
+    Attributes:
+        lower: the side whose metric is below: a method, or {method: {option: value}}.
+        than: the other side.
+        metric: the error that is compared.
+        paired_by: options at equal values of which cells are compared; by default those of `where`, and samples.
     """
 
     kind: ClassVar[str] = "lower"
@@ -77,6 +96,12 @@ class SlopeClaim(_Claim):
     """The least-squares slope of log |metric or cost| over log option lies within bounds, for every curve.
 
     The option is of the method, or a parameter of the light, material or view: "alpha", or in full "material.alpha".
+
+    Attributes:
+        slope: a method, or {method: {option: value}}.
+        over: the option along the curve, or a parameter; three values of it at least.
+        metric: an error or a cost.
+        between: [low, high] of the slope, null for what has no bound.
     """
 
     kind: ClassVar[str] = "slope"
@@ -87,7 +112,14 @@ class SlopeClaim(_Claim):
 
 
 class RatioClaim(_Claim):
-    """A column of one side over that of another lies within bounds; pairs as in LowerClaim."""
+    """A column of one side over that of another lies within bounds; pairs as in LowerClaim.
+
+    Attributes:
+        ratio: [side, side], the first over the second: a method each, or {method: {option: value}}.
+        of: an error or a cost.
+        between: [low, high] of the ratio, null for what has no bound.
+        paired_by: options at equal values of which cells are compared; by default those of `where`, and samples.
+    """
 
     kind: ClassVar[str] = "ratio"
     ratio: Annotated[tuple[Side, Side], BeforeValidator(_tuple)]
@@ -97,7 +129,14 @@ class RatioClaim(_Claim):
 
 
 class ValueClaim(_Claim):
-    """A column of a method lies within bounds, or equals a number, in every cell."""
+    """A column of a method lies within bounds, or equals a number, in every cell.
+
+    Attributes:
+        value: a method, or {method: {option: value}}.
+        of: an error or a cost.
+        between: [low, high], null for what has no bound.
+        equals: the number, to 9 digits.
+    """
 
     kind: ClassVar[str] = "value"
     value: Side
@@ -154,6 +193,18 @@ def methods_of(claim: Claim) -> set[str]:
     return {method_of(side) for side in sides_of(claim).values()}
 
 
+def pairing(claim: LowerClaim | RatioClaim, shared: Collection[str]) -> tuple[list[str], list[str]]:
+    """The options and the kinds of place in which cells of both sides must be equal to be compared.
+
+    Args:
+        shared: the options that both methods have.
+    """
+    apart = {key for side in sides_of(claim).values() for key in options_of(side)}
+    usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared and key not in apart]
+    stated = {place for side in sides_of(claim).values() for place in places_of(side)}
+    return claim.paired_by or usual, [place for place in PLACES if place not in stated]
+
+
 def unknown_name(
     claim: Claim, methods: Mapping[str, Collection[str]], places: Mapping[str, Collection[str]],
     parameters: Mapping[str, Collection[str]], metrics: Collection[str], costs: Collection[str],
@@ -177,7 +228,7 @@ def unknown_name(
                 where = (*path, name, option)
                 return where, f"no option {option!r} of {name} in this study{nearest(option, methods[name])}"
         for place, value in places_of(side).items():
-            if problem := _unknown_place(place, value, places):
+            if problem := unknown_place(place, value, places):
                 return (*path, place), problem
     options = [set(methods[method_of(side)]) for side in sides.values()]
     shared = set.intersection(*options)
@@ -203,10 +254,12 @@ def unknown_name(
     restrictable = {*PLACES, *parameters["material"], *set.union(*options)}
     held = {"method": set.union(*options), **parameters}
     for key, value in claim.where.items():
+        if key == "method":
+            return ("where", key), "a claim's methods are its sides, not a part of where"
         if key not in restrictable and not ("." in key and meanings(key, held)):
             text = f"no option {key!r} of its methods or materials{nearest(key, restrictable)}"
             return ("where", key), text
-        if problem := _unknown_place(key, value, places):
+        if problem := unknown_place(key, value, places):
             return ("where", key), problem
     return None
 
@@ -222,12 +275,14 @@ def meanings(name: str, options: Mapping[str, Collection[str]]) -> list[tuple[st
     return [(each, name) for each, own in options.items() if name in own]
 
 
-def _unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
-    """The message for the first light, material or view that a study does not have."""
-    for one in _listed(value):
-        name = next(iter(one), "") if isinstance(one, dict) else one
-        if place in places and name not in places[place]:
-            return f"no {place} {name!r} in this study{nearest(str(name), places[place])}"
+def unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
+    """The message for the first light, material or view that a study does not have, or that is not stated as one."""
+    for one in _listed(value) if place in places else []:
+        name, options = next(iter(one.items())) if isinstance(one, dict) and len(one) == 1 else (one, {})
+        if not isinstance(name, str) or not isinstance(options, dict):
+            return f"must be a {place}, {{{place}: {{option: value}}}}, or a list of these, got {one!r}"
+        if name not in places[place]:
+            return f"no {place} {name!r} in this study{nearest(name, places[place])}"
     return None
 
 
@@ -241,37 +296,6 @@ def agrees(wanted: Any, actual: Any) -> bool:
         alike = len(wanted) == len(actual) and all(agrees(w, a) for w, a in zip(wanted, actual, strict=True))
         return alike or any(isinstance(one, list) and agrees(one, actual) for one in wanted)
     return bool(wanted == actual) and isinstance(wanted, bool) == isinstance(actual, bool)
-
-
-def within(row: Mapping[str, Any], where: Mapping[str, Any], of_methods: Collection[str]) -> bool:
-    """Whether a cell is what `where` asks for; what only the other method has does not restrict it.
-
-    Args:
-        row: names and options of a cell, as `light`, `light_options` and so on, those of its method as `options`.
-        of_methods: the options of all methods that the claim is about.
-    """
-    for key, wanted in where.items():
-        if key in PLACES:
-            fits = any(_is_called(one, row[key], row[f"{key}_options"]) for one in _listed(wanted))
-        elif key.partition(".")[0] in PLACES:
-            of, _, option = key.partition(".")
-            fits = option in row[f"{of}_options"] and agrees(wanted, row[f"{of}_options"][option])
-        elif key in row["options"] or key in of_methods:
-            fits = key not in row["options"] or agrees(wanted, row["options"][key])
-        else:
-            fits = key in row["material_options"] and agrees(wanted, row["material_options"][key])
-        if not fits:
-            return False
-    return True
-
-
-def _is_called(wanted: Any, name: str, options: Mapping[str, Any]) -> bool:
-    """Whether a place answers to a name, or to {name: {option: value, ...}}."""
-    stated: Mapping[str, Any] = {}
-    if isinstance(wanted, dict) and len(wanted) == 1:
-        [(wanted, stated)] = wanted.items()
-    fits = wanted in called(name, options) and isinstance(stated, dict)
-    return fits and all(key in options and agrees(value, options[key]) for key, value in stated.items())
 
 
 def called(name: str, options: Mapping[str, Any]) -> set[str]:

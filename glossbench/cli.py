@@ -4,12 +4,14 @@ import errno
 import json
 import logging
 import sys
+import traceback
 import warnings
+from collections import Counter
 from collections.abc import Callable, Collection
-from importlib.metadata import entry_points, version
+from functools import partial
+from importlib.metadata import EntryPoint, entry_points, version
 from pathlib import Path
-from traceback import extract_tb
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.table import Table
@@ -27,12 +29,17 @@ from glossbench.printing import (
     note,
     out,
     print_notes,
+    print_plan,
+    print_rows,
     print_table,
     print_verdicts,
     say,
     say_lines,
     warn_of_noise,
 )
+
+if TYPE_CHECKING:
+    from glossbench.study import Study
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -155,10 +162,7 @@ def run(
     for plugin in loaded.plugins:
         err.print(f"plugin {plugin}: {origin(plugin)}", soft_wrap=True)
     if dry_run:
-        for cell in loaded.cells():
-            items = (cell.light, cell.material, cell.view, cell.method)
-            say("  ".join(f"{item.name} {item.json}" for item in items))
-        say(f"{len(loaded.cells())} cells would go to {folder}")
+        _print_plan(loaded, folder)
         return
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     try:
@@ -179,8 +183,6 @@ def run(
                 loaded, folder, use_cache=not no_cache, rerun_failed=rerun_failed, fail_fast=fail_fast,
                 progress=progress,
             )  # fmt: skip
-            show(description="reports")
-            pages, report_code = _write_reports(results.folder)
     except KeyboardInterrupt:
         err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
         raise typer.Exit(130) from None
@@ -188,15 +190,14 @@ def run(
     warn_of_noise(results.cells)
     print_notes(results.cells)
     print_verdicts(results.claims)
-    for page in pages:
-        say(f"report: {page}")
+    is_whole = _write_reports(results.folder)
     failed = int((results.cells["status"] == "failed").sum())
     if failed:
         err.print(
             f"{_counted(failed, 'cell')} failed: tracebacks are in the report, --rerun-failed tries again",
             style="red",
         )
-    if failed or report_code:
+    if failed or not is_whole:
         raise typer.Exit(1)
 
 
@@ -213,25 +214,19 @@ def report(
     only = {name for name, wanted in (("html", html), ("pdf", pdf)) if wanted}
     for remark in opened.remarks(opened.cells):
         note(remark)
-    pages, code = _write_reports(opened.folder, only)
-    for page in pages:
-        say(f"report: {page}")
-    if code:
-        raise typer.Exit(code)
+    if not _write_reports(opened.folder, only):
+        raise typer.Exit(1)
 
 
 @app.command()
 def validate(study: StudyArgument) -> None:
     """Check a study without running it."""
-    from glossbench.study import load_study
+    from glossbench.describing import described, in_one_line
+    from glossbench.study import study_with_forms
 
-    loaded = load_study(study, open_files=True)
-    cells = loaded.cells()
-    counts = [_counted(len({getattr(cell, kind) for cell in cells}), kind) for kind in ("light", "material", "view")]
-    counts += [_counted(len(cells), "cell"), _counted(len(loaded.claims), "claim")]
-    out.print(
-        f"{loaded.title}: {', '.join(counts)}",
-    )
+    loaded, forms = study_with_forms(study, open_files=True)
+    say(in_one_line(loaded))
+    print_rows(described(loaded, forms))
 
 
 @app.command()
@@ -292,26 +287,55 @@ def _counted(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
-def _write_reports(folder: Path, only: Collection[str] = ()) -> tuple[list[Path], int]:
-    """Writes the reports, or those asked for; a line for one that fails, then the others. Second, the exit code."""
-    written, code = list[Path](), 0
+def _print_plan(study: "Study", folder: Path) -> None:
+    """What a run would do."""
+    from glossbench.runner import kept_statuses
+
+    cells, statuses = study.cells(), kept_statuses(study, folder)
+    print_plan(cells, statuses)
+    count = Counter(statuses)
+    told = [f"{count[status]} {status}" for status in ("done", "skipped", "failed", "new") if count[status]]
+    say(f"{_counted(len(cells), 'cell')} would go to {folder}: {', '.join(told)}")
+    if count["failed"]:
+        say("failed cells stay as they are; --rerun-failed tries them again")
+
+
+def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:
+    """Write the reports, or some of them; one that fails is a line, and the others are still written.
+
+    Returns: whether all were written.
+    """
+    is_whole = True
     for name, write in _report_writers().items():
-        if not only or name in only:
-            try:
-                written.append(write(folder))
-            except Exception as error:  # a report may be a plug-in's
-                at = "" if isinstance(error, InputError) else f"{type(error).__name__}, {_where(error)}: "
-                text = " ".join(f"error: the {name} report was not written: {at}{error}".split())
-                err.print(text, style="red", soft_wrap=True)
-                code = 2 if isinstance(error, InputError) else 1
-    return written, code
+        if only and name not in only:
+            continue
+        try:
+            with err.status(f"report {name}"):
+                page = write(folder)
+            say(f"report: {page}")
+        except KeyboardInterrupt:
+            again = f"the results are whole: `glossbench report {folder}` writes the reports"
+            err.print(one_line(f"interrupted: {again}"), soft_wrap=True)
+            raise typer.Exit(130) from None
+        except (Exception, SystemExit) as error:  # a writer may be another distribution's code
+            is_whole = False
+            _print_fault(f"error: the {name} report was not written", error)
+    return is_whole
 
 
-def _where(error: Exception) -> str:
-    """The line of code that raised it."""
-    last = extract_tb(error.__traceback__)[-1]
-    return f"{Path(last.filename).name}:{last.lineno}"
+def _print_fault(what: str, error: BaseException) -> None:
+    """One line for an exception: what failed, why, and the place in the source where that is not the user's fault."""
+    text = str(error)
+    if not isinstance(error, InputError):
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"{type(error).__name__}: {text} ({Path(last.filename).name}:{last.lineno})"
+    err.print(one_line(f"{what}: {text}"), style="red", soft_wrap=True)
 
 
 def _report_writers() -> dict[str, Callable[[Path], Path]]:
-    return {point.name: point.load() for point in entry_points(group="glossbench.reports")}
+    return {point.name: partial(_written, point) for point in entry_points(group="glossbench.reports")}
+
+
+def _written(point: EntryPoint, folder: Path) -> Path:
+    page: Path = point.load()(folder)
+    return page

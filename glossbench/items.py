@@ -4,7 +4,6 @@ import json
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from glossbench.claims import PLACES, agrees, called
 from glossbench.shading import METHODS
 
 
@@ -68,22 +67,3 @@ class Cell:
     material: Item
     view: Item
     method: MethodItem
-
-    def fits(self, entry: dict[str, Any]) -> bool:
-        """Whether it has all that an entry of `exclude` asks for.
-
-        An option is the method's, else the material's, the view's or the light's.
-        """
-        for key, wanted in entry.items():
-            if key in PLACES:
-                item = getattr(self, key)
-                fits = any(agrees(wanted, name) for name in called(item.name, item.options))
-            elif key == "method":
-                fits = agrees(wanted, self.method.name)
-            else:
-                items = (self.method, self.material, self.view, self.light)
-                holder = next((item for item in items if key in item.options), None)
-                fits = holder is not None and agrees(wanted, holder.spelled()[key])
-            if not fits:
-                return False
-        return True

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, Valida
 
 from glossbench.errors import InputError, nearest
 from glossbench.memory import check_memory
+from glossbench.rules import rule_of
 
 
 def _spread(n: int) -> Any:
@@ -107,9 +108,7 @@ def check(cls: type[Options], option: str, value: Any) -> Any:
         within = first.get("ctx", {}).get("error")
         if isinstance(within, InputError):  # of an option that holds options itself
             raise InputError(f"{cls.name or cls.__name__}.{option}{where}: {within}") from None
-        rule = first["msg"].removeprefix("Value error, ").removeprefix("Input ").replace("should", "must", 1)
-        bad = " ".join(repr(first["input"]).split())  # an array spans several lines
-        raise InputError(f"{cls.name or cls.__name__}.{option}{where} {rule}, got {bad}") from None
+        raise InputError(f"{cls.name or cls.__name__}.{option}{where} {rule_of(first)}") from None
 
 
 def _adapters(cls: type[Options]) -> dict[str, TypeAdapter[Any]]:

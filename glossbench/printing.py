@@ -11,12 +11,17 @@ from glossbench.consoles import Console, one_line
 from glossbench.rows import KINDS, identity, listed, names_of, parsed, told_apart
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pandas
     from rich.progress import Progress
+
+    from glossbench.items import Cell
 
 out = Console()
 err = Console(stderr=True)
 PULSE = 30.0  # seconds between two lines
+MAX_ROWS = 40  # of a table, and of what it says below: more than a terminal shows helps no one
 
 
 class Pulse:
@@ -62,20 +67,19 @@ def print_rows(rows: dict[str, str]) -> None:
 
 
 def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
-    """The cells of a run, a row each: names with the options that tell them apart."""
+    """The first cells of a run, a row each, named by the options that tell them apart; and how many more there are."""
     from glossbench.legends import explain_table  # late, as it imports torch
 
     rows = [parsed(row) for row in cells.to_dict("records")]
     names = {kind: names_of(kind, rows) for kind in KINDS}
     kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
+    methods = _method_names(rows)
     table = Table(box=None, pad_edge=False)
     for heading in (*kinds, "method"):
         table.add_column(heading)
     for heading in ("samples", *metrics, "shade ms"):
         table.add_column(heading, justify="right")
-    for row, (_, line) in zip(rows, told_apart(rows), strict=True):
-        options = listed(line)
-        method = f"{row['method']} ({options})" if options else row["method"]
+    for row, method in list(zip(rows, methods, strict=True))[:MAX_ROWS]:
         named = [Text(name) for name in (*(names[kind][identity(kind, row)] for kind in kinds), method)]
         if row["status"] != "done":
             table.add_row(*named, row["status"])
@@ -87,9 +91,17 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     # Numbers that a narrow window, or a file, would cut are of no use.
     needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
     Console(width=max(needed, out.width)).print(table, soft_wrap=True)
-    for row in rows:
-        if row["status"] != "done":
-            say(f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}")
+    if len(rows) > MAX_ROWS:
+        say(f"... and {len(rows) - MAX_ROWS} more of {len(rows)} rows: all are in the report and in cells.parquet")
+    reasons = dict.fromkeys(
+        f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}"
+        for row in rows
+        if row["status"] != "done"
+    )
+    for reason in list(reasons)[:MAX_ROWS]:
+        say(reason)
+    if len(reasons) > MAX_ROWS:
+        say(f"... and {len(reasons) - MAX_ROWS} more reasons: all are in the report")
     print_words(explain_table(rows, with_decided=False))
 
 
@@ -97,6 +109,32 @@ def print_words(said: dict[str, str]) -> None:
     """What words of a table or a verdict mean, a line each."""
     for word, text in said.items():
         out.print(f"{word}: {text}", style="dim", soft_wrap=True)
+
+
+def _method_names(rows: list[dict[str, Any]], over: str | None = None) -> list[str]:
+    """Of each row the method, with the options that tell it from others, what an option `over` decides left out."""
+    texts = [listed(options) for _, options in told_apart(rows, over)]
+    return [f"{row['method']} ({text})" if text else row["method"] for row, text in zip(rows, texts, strict=True)]
+
+
+def print_plan(cells: "Sequence[Cell]", statuses: "Sequence[str]") -> None:
+    """What a run would make, a line a cell: what is on disk of it, and the names that tell it from the others."""
+    rows = []
+    for cell in cells:
+        row: dict[str, Any] = {"method": cell.method.name, "options": json.dumps(cell.method.options)}
+        row |= {"tuned": json.dumps({cell.method.tune.option: ""} if cell.method.tune else {})}
+        for kind in KINDS:
+            item = getattr(cell, kind)
+            row |= {kind: item.name, f"{kind}_options": json.dumps(item.options)}
+        rows.append(parsed(row | {"status": "new", "n_samples": 0}))
+    names = {kind: names_of(kind, rows) for kind in KINDS}
+    columns = [list(statuses)]
+    kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
+    columns += [[names[kind][identity(kind, row)] for row in rows] for kind in kinds]
+    columns += [_method_names(rows, over="")]
+    widths = [max(map(len, column)) for column in columns]
+    for line in zip(*columns, strict=True):
+        say("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
 
 
 def print_verdicts(claims: list[dict[str, Any]]) -> None:

@@ -96,6 +96,7 @@ def system_information() -> dict[str, Any]:
     }
 
 
+@cache
 def processor() -> str:
     """The processor's name, as the system tells it."""
     try:

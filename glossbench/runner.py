@@ -83,7 +83,7 @@ def run_study(
         InputError: no such device, a file cannot be read, or the folder cannot be written or holds what would be
             lost; then nothing is written. CannotWrite: a full disk, say; the cells that are done are kept.
     """
-    if study.device == "cuda" and not torch.cuda.is_available():
+    if not study.has_device():
         raise InputError("the study wants device: cuda, but there is none here; say device: cpu")
     progress = progress or Progress()
     cells = study.cells()
@@ -125,6 +125,16 @@ def _check_own_study(study: Study, results: Results) -> None:
             raise InputError(
                 f"{path} is the study itself, which its results would take the place of: name another folder by -o"
             )
+
+
+def kept_statuses(study: Study, folder: Path) -> list[str]:
+    """Of each cell of a study what a folder has of it: done, skipped or failed; new where it has nothing."""
+    results = Results(folder)
+    if not any((folder / "cells").glob("*.json")):
+        return ["new"] * len(study.cells())
+    executor = _Executor(study, results, _Lights(study), Progress(), True, False)
+    keys = [executor.identity(cell)["key"] for cell in study.cells()]
+    return [str(results.cell(key)["status"]) if results.has_cell(key) else "new" for key in keys]
 
 
 class _Lights:
@@ -182,12 +192,13 @@ class _Executor:
         self._stages = StageCache(self.progress.doing)
         self._stages_light: Item | None = None
         self._truth: tuple[str, Reference] | None = None
+        self._metrics = [[name, source_hash(METRICS.get(name))] for name in study.metrics]
+        self._meanings: dict[int, list[Any]] = {}
 
     def identity(self, cell: Cell) -> dict[str, Any]:
         """The row of a cell under its keys, with nothing measured yet."""
         reference_key = self._reference_key(cell)
-        metrics = [[name, self._source(METRICS.get(name))] for name in self.study.metrics]
-        key = key_of([reference_key, self._stated(METHODS, cell.method), metrics])
+        key = key_of([reference_key, self._stated(METHODS, cell.method), self._metrics])
         return self._identity(cell, key, reference_key)
 
     def run(self, cell: Cell, row: dict[str, Any], rerun_failed: bool) -> dict[str, Any]:

@@ -8,14 +8,16 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.measured_file import FORMATS
 from glossbench.claims import KINDS, Name, Names
-from glossbench.documentation import documentation
+from glossbench.documentation import attributes, first_line
 from glossbench.envmap.lights import LIGHTS
 from glossbench.ground_truth import FIRST_SAMPLES, N_REPLICATES
+from glossbench.metrics import METRICS
 from glossbench.options import Finite, Options, Seed, json_schema
 from glossbench.registry import Registry
 from glossbench.scene.mesh_files import READERS
 from glossbench.scene.points import VIEWS
 from glossbench.shading import METHODS
+from glossbench.shared_schema import shared
 
 REGISTRIES: dict[str, Registry[Any]] = {
     "light": LIGHTS,
@@ -34,7 +36,7 @@ class ReferenceOptions(BaseModel):
     Attributes:
         relative_error: RMS of its standard error over its mean, at which it is good enough.
         seed: of its scrambles; where it is not stated, the study's.
-        max_samples: where it stops in any case, a pixel and technique.
+        max_samples: per pixel and technique, at which it stops in any case.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -50,6 +52,8 @@ class ReferenceOptions(BaseModel):
 
 
 def _module(name: str) -> str:
+    if name.endswith(".py"):
+        raise ValueError(f"must be the dotted name of a module, without .py: {name.removesuffix('.py')}")
     if not all(part.isidentifier() for part in name.split(".")):
         raise ValueError("must be the dotted name of a module, such as my_lab.my_method")
     return name
@@ -59,7 +63,22 @@ class StudyKeys(BaseModel):
     """The keys of a study; what is in an item depends on its name.
 
     Attributes:
+        title: of the study, one line.
+        source: the paper, figure or table that it reproduces.
+        question: what it asks, as its report prints it.
+        light: a light, or a list of them: an image file, a name, or a name with its options.
+        material: a material, or a list of them: a name, or a name with its options.
+        view: what is seen, or a list of them: a name, or a name with its options.
+        methods: a method, or a list of them: a name, or a name with its options.
+        reference: how the truth is computed.
+        metrics: errors that are measured, a name or a list of names.
+        claims: sentences that are checked, each with the cells that it is about.
+        exclude: mappings of light, material, view, method or an option to a value; cells that fit all of one are left
+            out.
+        seed: of the reference, and of methods that state none.
+        device: where methods are computed.
         time_limit: seconds that a cell may take, its reference not counted; one that takes longer has failed.
+        plugins: modules that register methods, materials, lights, views or metrics: installed, or beside this file.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -81,7 +100,12 @@ class StudyKeys(BaseModel):
 
 
 class TuneKeys(BaseModel):
-    """What stands in place of an option's value that is to be searched for."""
+    """What stands in place of an option's value that is to be searched for.
+
+    Attributes:
+        tune: the error that is made least.
+        range: [low, high], between which is searched; by default the bounds of the option.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True)
     tune: str
@@ -90,15 +114,35 @@ class TuneKeys(BaseModel):
 
 def schema() -> dict[str, Any]:
     """JSON Schema of a study, with the options of every registered light, material, view and method."""
-    top = StudyKeys.model_json_schema()
+    top = _of_model(StudyKeys)
     for kind, registry in REGISTRIES.items():
         item = _item_schema(kind, registry)
-        top["properties"][kind] = {"anyOf": [item, {"type": "array", "items": item, "minItems": 1}]}
-    top["properties"]["claims"]["items"] = {"anyOf": [model.model_json_schema() for model in KINDS.values()]}
+        either = [item, {"type": "array", "items": item, "minItems": 1}]
+        top["properties"][kind] = {"description": top["properties"][kind]["description"], "anyOf": either}
+    top["properties"]["claims"]["items"] = {"anyOf": [_of_model(model) for model in KINDS.values()]}
+    names = METRICS.names()
+    top["properties"]["metrics"]["anyOf"] = [
+        {"enum": names},
+        {"type": "array", "items": {"enum": names}, "minItems": 1},
+    ]
     definitions: dict[str, Any] = {}
     top = _hoisted(top, definitions)
     schema_of = "https://json-schema.org/draft/2020-12/schema"
-    return {"$schema": schema_of, **top, "title": "glossbench study", "$defs": definitions}
+    return shared({"$schema": schema_of, **top, "title": "glossbench study", "$defs": definitions})
+
+
+def _of_model(model: type[BaseModel]) -> dict[str, Any]:
+    """The schema of a model, each key with what its docstring says of it."""
+    stated = model.model_json_schema()
+    for of, own in ((model, stated), (ReferenceOptions, stated.get("$defs", {}).get("ReferenceOptions", {}))):
+        texts = attributes(of)
+        for key, value in own.get("properties", {}).items():
+            value.pop("title", None)
+            if key in texts:
+                value["description"] = texts[key]
+        if own:
+            own["description"] = first_line(of)
+    return stated
 
 
 def _hoisted(stated: Any, definitions: dict[str, Any]) -> Any:
@@ -132,17 +176,21 @@ def _item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
 
 
 def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
-    """Each option takes a value or a list of values, and a method's may be tuned."""
-    stated = json_schema(cls)
+    """Each option takes a value or a list of values, and a method's number may be tuned."""
+    stated, texts = json_schema(cls), attributes(cls)
     properties: dict[str, Any] = {}
     lists: dict[str, Any] = {}
     for option, value in stated["properties"].items():
-        default = {"default": value.pop("default")} if "default" in value else {}
+        beside = {"default": value.pop("default")} if "default" in value else {}
+        if option in texts:
+            beside["description"] = texts[option]
         # A scalar stands for equal components of a vector.
         forms = [value, *value.get("prefixItems", [])[:1]]
         lists[option] = {"type": "array", "items": {"anyOf": forms}, "minItems": 1}
-        tuned = [TuneKeys.model_json_schema()] if tunable else []
-        properties[option] = {"anyOf": [*forms, lists[option], *tuned], **default}
-    properties["zip"] = {"type": "object", "properties": lists, "additionalProperties": False}
-    description = documentation(cls).partition("\n")[0]
-    return {**stated, "description": description, "properties": properties}
+        tuned = [_of_model(TuneKeys)] if tunable else []
+        properties[option] = {"anyOf": [*forms, lists[option], *tuned], **beside}
+    properties["zip"] = {
+        "type": "object", "properties": lists, "additionalProperties": False,
+        "description": "lists of one length, whose first values go together, then the second, and so on",
+    }  # fmt: skip
+    return {**stated, "description": first_line(cls), "properties": properties}

@@ -1,39 +1,32 @@
 """Studies: a YAML file -> a checked Study -> the cells to be run."""
 
-import json
 import math
+import os
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
-from itertools import product
+from functools import cached_property
+from itertools import compress, product
 from pathlib import Path
 from typing import Any
 
-from glossbench.claims import (
-    COLUMNS,
-    KINDS,
-    PLACES,
-    Claim,
-    called,
-    method_of,
-    methods_of,
-    options_of,
-    places_of,
-    sides_of,
-    unknown_name,
-    within,
-)
+import numpy as np
+import torch
+
+from glossbench.cell_index import CellIndex, Mask
+from glossbench.claims import Claim, methods_of
 from glossbench.envmap.lights import FileLight, light_named, locate
 from glossbench.errors import InputError, nearest
 from glossbench.items import Cell, Item, MethodItem
 from glossbench.metrics import METRICS
 from glossbench.plugins import import_plugin
 from glossbench.schema import REGISTRIES, ReferenceOptions, StudyKeys
-from glossbench.shading import CHANGES, METHODS, stated_stages
+from glossbench.study_claims import checked_claims, checked_exclude
 from glossbench.study_files import study_files
 from glossbench.sweeps import Form
 from glossbench.yaml_marks import Document, KeyPath, path_text, read_document
 
 MAX_CELLS = 100_000
+ENDINGS = (".yaml", ".yml")
 
 
 @dataclass(frozen=True)
@@ -89,18 +82,37 @@ class Study:
 
     def _comparing(self, methods: tuple[MethodItem, ...]) -> "Study":
         """The study of these methods, without the exclusions and claims that are about others."""
-        every = replace(self, methods=methods, exclude=()).cells()
-        exclude = tuple(entry for entry in self.exclude if any(cell.fits(entry) for cell in every))
-        if all(any(cell.fits(entry) for entry in exclude) for cell in every):
+        every = replace(self, methods=methods).index
+        fits = [every.excluded(entry) for entry in self.exclude]
+        if fits and np.logical_or.reduce(fits).all():
             raise InputError("exclude leaves no cell")
+        exclude = tuple(entry for entry, excluded in zip(self.exclude, fits, strict=True) if excluded.any())
         names = {item.name for item in methods}
         claims = tuple(claim for claim in self.claims if names.issuperset(methods_of(claim)))
         return replace(self, methods=methods, exclude=exclude, claims=claims)
 
     def cells(self) -> list[Cell]:
         """Every light x material x view x method in this order, but those excluded."""
-        every = (Cell(*items) for items in product(self.lights, self.materials, self.views, self.methods))
-        return [cell for cell in every if not any(cell.fits(entry) for entry in self.exclude)]
+        every = product(self.lights, self.materials, self.views, self.methods)
+        return [Cell(*items) for items in compress(every, self.kept)]
+
+    @cached_property
+    def kept(self) -> Mask:
+        """Which of all combinations no entry of `exclude` leaves out."""
+        kept = np.ones(len(self.index.codes["method"]), bool)
+        for entry in self.exclude:
+            kept &= ~self.index.excluded(entry)
+        return kept
+
+    def has_device(self) -> bool:
+        """Whether this machine has the device."""
+        return self.device == "cpu" or torch.cuda.is_available()
+
+    @cached_property
+    def index(self) -> CellIndex:
+        """All combinations of its items, a tuned option as the study states it."""
+        kinds = {"light": self.lights, "material": self.materials, "view": self.views, "method": self.methods}
+        return CellIndex.product({kind: [(i.name, i.spelled()) for i in items] for kind, items in kinds.items()})
 
     def resolved(self) -> dict[str, Any]:
         """The study as plain data, everything spelled out; its YAML loads as an equal study."""
@@ -128,6 +140,13 @@ def load_study(name_or_path: str | Path, light: str | None = None, open_files: b
     Raises:
         InputError: the study cannot be read, or is wrong; one line that begins with FILE:LINE:COLUMN.
     """
+    return study_with_forms(name_or_path, light, open_files)[0]
+
+
+def study_with_forms(
+    name_or_path: str | Path, light: str | None = None, open_files: bool = False
+) -> tuple[Study, dict[str, list[Form]]]:
+    """The study as `load_study` has it, and its items as the file states them."""
     path = _path_of(name_or_path)
     document = read_document(path)
     model = document.validate(StudyKeys)
@@ -171,19 +190,30 @@ def load_study(name_or_path: str | Path, light: str | None = None, open_files: b
         seed=model.seed, device=model.device, time_limit=model.time_limit, plugins=tuple(model.plugins),
         name=path.stem, folder=folder,
     )  # fmt: skip
-    exclude = _checked_exclude(document, study, any_light=light is not None)
-    study = replace(study, exclude=exclude, claims=_claims(document, study, any_light=light is not None))
-    _check_where(document, study, any_light=light is not None)
-    return study
+    study = replace(study, exclude=checked_exclude(document, study, any_light=light is not None))
+    return replace(study, claims=checked_claims(document, study, any_light=light is not None)), forms
 
 
 def _path_of(name_or_path: str | Path) -> Path:
-    if isinstance(name_or_path, Path) or Path(name_or_path).suffix in (".yaml", ".yml"):
-        return Path(name_or_path)
+    if isinstance(name_or_path, Path) or Path(name_or_path).suffix in ENDINGS:
+        return _with_hint(Path(name_or_path))
     installed = study_files()
-    if name_or_path not in installed:
-        raise InputError(f"unknown study {name_or_path!r}{nearest(name_or_path, installed)}")
-    return installed[name_or_path]
+    if name_or_path in installed:
+        return installed[name_or_path]
+    beside = next((f"{name_or_path}{end}" for end in ENDINGS if os.path.isfile(f"{name_or_path}{end}")), None)
+    hint = f"; did you mean {beside!r}?" if beside else nearest(name_or_path, installed)
+    if os.path.isfile(name_or_path):
+        hint = f"; the file of that name is no study: one ends in {' or '.join(ENDINGS)}"
+    raise InputError(f"unknown study {name_or_path!r}{hint}")
+
+
+def _with_hint(path: Path) -> Path:
+    """The path; InputError with the nearest study beside it where there is no such file but one of nearly its name."""
+    if not os.path.lexists(path) and path.parent.is_dir():
+        files = [file.name for file in path.parent.iterdir() if file.suffix in ENDINGS]
+        if "did you mean" in (hint := nearest(path.name, files)):
+            raise InputError(f"cannot read the study {str(path)!r}: No such file or directory{hint}")
+    return path
 
 
 def _entries(document: Document, kind: str) -> list[tuple[KeyPath, Any]]:
@@ -199,97 +229,9 @@ def _items(document: Document, forms: list[Form]) -> tuple[Any, ...]:
     found: dict[tuple[str, str], Item] = {}
     for form in forms:
         for item in form.variants():
-            if (item.name, item.json) in found:
+            key = (item.name, item.json)
+            if key in found:
                 text = f"{path_text(form.path)} states the same twice: {item.name} {item.json}"
                 raise document.error(form.path, text)
-            found[item.name, item.json] = item
+            found[key] = item
     return tuple(found.values())
-
-
-def _checked_exclude(document: Document, study: Study, any_light: bool) -> tuple[dict[str, Any], ...]:
-    """The exclusions that leave out a cell; InputError for one that does not, or that has an unknown key.
-
-    Args:
-        any_light: the lights are not the study's own, so that what was said about those may fit nothing.
-    """
-    every = replace(study, exclude=()).cells()
-    options = {key for kind in (study.methods, study.materials, study.views, study.lights) for item in kind
-               for key in item.options}  # fmt: skip
-    known = [*PLACES, "method", *options]
-    kept = []
-    for i, entry in enumerate(study.exclude):
-        path = ("exclude", i)
-        for key in entry:
-            if key not in known and not any_light:
-                text = f"{path_text(path)}: unknown key {key!r}{nearest(key, known)}"
-                raise document.error((*path, key), text, at_key=True)
-        if entry and any(cell.fits(entry) for cell in every):
-            kept.append(entry)
-        elif not any_light:
-            raise document.error(path, f"{path_text(path)} fits no cell")
-    if all(any(cell.fits(entry) for entry in kept) for cell in every):
-        raise document.error(("exclude",), "exclude leaves no cell")
-    return tuple(kept)
-
-
-def _claims(document: Document, study: Study, any_light: bool) -> tuple[Claim, ...]:
-    methods: dict[str, set[str]] = {}
-    for item in study.methods:
-        methods.setdefault(item.name, set()).update(item.options)
-    places = {"light": study.lights, "material": study.materials, "view": study.views}
-    names = {place: {name for item in items for name in called(item.name, item.options)}
-             for place, items in places.items() if not (any_light and place == "light")}  # fmt: skip
-    parameters = {place: {key for item in items for key in item.options} for place, items in places.items()}
-    found: list[Claim] = []
-    stages = [name for method in methods for name in stated_stages(METHODS.get(method))]
-    costs = [*COLUMNS, *(f"stage_seconds.{name}" for name in stages), *(f"update_seconds.{name}" for name in CHANGES)]
-    for i, entry in enumerate(document.data.get("claims", [])):
-        path: KeyPath = ("claims", i)
-        kinds = [kind for kind in KINDS if isinstance(entry, dict) and kind in entry]
-        if len(kinds) != 1:
-            got = " and ".join(kinds) or "none"
-            text = f"{path_text(path)} needs one of the keys {', '.join(KINDS)}, got {got}"
-            raise document.error(path, text)
-        claim = document.validate(KINDS[kinds[0]], path)
-        problem = unknown_name(claim, methods, names, parameters, study.metrics, costs)
-        if problem:
-            at = (*path, *problem[0])
-            raise document.error(at, f"{path_text(at)}: {problem[1]}")
-        found.append(claim)
-    return tuple(found)
-
-
-def _check_where(document: Document, study: Study, any_light: bool) -> None:
-    """InputError for a claim that no cell of one of its sides is about; a tuned option may become anything."""
-    rows: dict[str, list[dict[str, Any]]] = {item.name: [] for item in study.methods}
-    for cell in study.cells():
-        tuned = cell.method.tune.option if cell.method.tune else None
-        row: dict[str, Any] = {"options": {k: v for k, v in cell.method.options.items() if k != tuned}}
-        for place in PLACES:
-            row |= {place: getattr(cell, place).name, f"{place}_options": getattr(cell, place).options}
-        rows[cell.method.name].append(row)
-    for i, claim in enumerate(study.claims):
-        where = {key: value for key, value in claim.where.items() if not (any_light and key == "light")}
-        of_methods = {key for item in study.methods if item.name in methods_of(claim) for key in item.options}
-        for at, side in sides_of(claim).items():
-            name = method_of(side)
-            wanted = {("claims", i, "where") if where else ("claims", i): where,
-                      ("claims", i, *at, name): options_of(side)}  # fmt: skip
-            wanted |= {("claims", i, *at, place): {place: value} for place, value in places_of(side).items()
-                       if not (any_light and place == "light")}  # fmt: skip
-            if any(all(within(row, w, of_methods) for w in wanted.values()) for row in rows[name]):
-                continue
-            alone = (path for path, w in wanted.items() if not any(within(row, w, of_methods) for row in rows[name]))
-            path: KeyPath = next(alone, ("claims", i))
-            held = _values(rows[name], wanted.get(path, {**where, **options_of(side), **places_of(side)}))
-            raise document.error(path, f"{path_text(path)} fits no cell of {name}{held}")
-
-
-def _values(rows: list[dict[str, Any]], keys: Collection[str]) -> str:
-    """The values that cells have of some options, or of their light, material or view: "; they have samples 4, 8"."""
-    told = []
-    for key in keys:
-        held = [(row | row["material_options"] | row["options"]).get(key) for row in rows]
-        values = dict.fromkeys(json.dumps(value) for value in held if value is not None)
-        told.append(f"{key} {', '.join(values)}")
-    return f"; they have {' and '.join(told)}" if rows and told else ""

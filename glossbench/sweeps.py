@@ -13,6 +13,7 @@ from glossbench.errors import InputError, nearest
 from glossbench.items import Item, MethodItem, Tune
 from glossbench.metrics import METRICS
 from glossbench.options import Options, check, option_names, schema_of
+from glossbench.rules import instead
 from glossbench.scene.mesh_view import view_or_file
 from glossbench.schema import ENDINGS, REGISTRIES, TuneKeys
 from glossbench.yaml_marks import Document, KeyPath, path_text
@@ -50,6 +51,7 @@ class Form:
             hint = "".join(f"; write {name}: {_flow({option: stated})}" for option in of_file[:1])
             raise document.error(at, f"{path_text(at)}: options must be a mapping, got {stated!r}{hint}")
         self._stated = stated
+        self._require_known(self.path, [option for option in stated if option != "zip"])
         for option, given in stated.items():
             self._add(option, given)
         options = [option for axis in self.axes for option in axis.options]
@@ -62,6 +64,11 @@ class Form:
         self._start: dict[str, Any] = {"seed": seed} if self._follows_seed else {}
         if self.tune and not _has_default(self.cls, self.tune.option):
             self._start[self.tune.option] = self.tune.low
+
+    @property
+    def noun(self) -> str:
+        """What one variant is: a light, material, view or method."""
+        return self._kind.removesuffix("s")
 
     def n_variants(self) -> int:
         return math.prod(len(axis.values) for axis in self.axes)
@@ -115,7 +122,7 @@ class Form:
         if not isinstance(value, dict) or len(value) != 1:
             got = f"the keys {', '.join(map(repr, value))}" if isinstance(value, dict) else repr(value)
             text = f"{path_text(path)} must be a name, or one name with its options below it, got {got}"
-            raise self._document.error(path, text)
+            raise self._document.error(path, text + self._instead_of_keys(value))
         [(name, options)] = value.items()
         options = {} if options is None else options
         meant, more = WORDS[self._kind](name) if self._kind in WORDS else (name, {})
@@ -123,12 +130,23 @@ class Form:
             name, options = meant, {**more, **options}
         return name, options, (*path, next(iter(value))), (*path, next(iter(value)))
 
+    def _instead_of_keys(self, value: Any) -> str:
+        """What to write instead of several keys: options are indented deeper, and items begin with a dash."""
+        names = REGISTRIES[self._kind].names()
+        if not isinstance(value, dict) or next(iter(value), None) not in names:
+            return ""
+        first, *others = value
+        if all(other in names for other in others):
+            return f"; begin each {self.noun} with a dash"
+        options = [*option_names(REGISTRIES[self._kind].get(first)), "zip"]
+        inside = next((other for other in others if other in options), None)
+        return f"; indent {inside!r} deeper than {first!r}" if inside else ""
+
     def _add(self, option: str, given: Any) -> None:
         path = (*self.path, option)
         if option == "zip":
             self.axes.append(self._zipped(path, given))
             return
-        self._require_known(path, option)
         if isinstance(given, dict) and "tune" in given:
             self.tune = self._tuned(path, option)
             return
@@ -137,6 +155,11 @@ class Form:
         else:
             values = self._each(path, option, given)
         self.axes.append(Axis((option,), [(value,) for value in values]))
+
+    def _takes_fractions(self, option: str) -> bool:
+        """Whether its values are numbers that need not be whole: a search steps between the ends of a range."""
+        stated = schema_of(self.cls, option)
+        return any(branch.get("type") == "number" for branch in (stated, *stated.get("anyOf", [])))
 
     def _sweeps(self, option: str, given: Any) -> bool:
         """Whether a value that the option does not accept is a sweep; of an option that takes a list, one of lists."""
@@ -156,6 +179,9 @@ class Form:
             check(self.cls, option, value)
         except InputError as error:
             rule = str(error).removeprefix(f"{self.cls.name}.{option}")
+            rule += instead(rule, value)
+            if isinstance(value, dict) and self._kind == "methods":
+                rule += "; to tune it write {tune: METRIC, range: [low, high]} in place of its whole value"
             raise self._document.error(path, f"{path_text(path)}{rule}") from error
         kind = self.cls.file_of(option, value) if isinstance(value, str) else None
         if kind is None:
@@ -174,8 +200,7 @@ class Form:
     def _zipped(self, path: KeyPath, given: Any) -> Axis:
         if not isinstance(given, dict) or not given or not all(isinstance(v, list) for v in given.values()):
             raise self._document.error(path, f"{path_text(path)} must map options to lists, got {given!r}")
-        for option in given:
-            self._require_known((*path, option), option)
+        self._require_known(path, list(given))
         lengths = [len(values) for values in given.values()]
         if len(set(lengths)) > 1:
             told = ", ".join(f"{option} has {n}" for option, n in zip(given, lengths, strict=True))
@@ -189,6 +214,9 @@ class Form:
             why = "only one option of an item" if self._kind == "methods" else "only an option of a method"
             raise self._document.error(path, f"{where}: {why} can be tuned")
         model = self._document.validate(TuneKeys, path)
+        if not self._takes_fractions(option):
+            text = f"{where}: only an option that takes fractions can be tuned; sweep this one: a list of its values"
+            raise self._document.error(path, text)
         if model.tune not in METRICS.names():
             text = f"{where}.tune: unknown metric {model.tune!r}{nearest(model.tune, METRICS.names())}"
             raise self._document.error((*path, "tune"), text)
@@ -202,16 +230,14 @@ class Form:
         low, high = map(float, bounds)
         if not low < high:
             raise self._document.error((*path, "range"), f"{where}.range must be [low, high], low first, got {bounds}")
-        # A point that is no whole number, too: a search steps between the ends.
-        for value in (low, high, low + (high - low) / math.pi):
+        for value in (low, high):
             self._checked((*path, "range"), option, value)
         return Tune(option, model.tune, low, high)
 
-    def _require_known(self, path: KeyPath, option: str) -> None:
+    def _require_known(self, path: KeyPath, options: list[str]) -> None:
         known = option_names(self.cls)
-        if option not in known:
-            text = f"{path_text(path[:-1])}: unknown option {option!r}{nearest(option, known)}"
-            raise self._document.error(path, text, at_key=True)
+        if unknown := [option for option in options if option not in known]:
+            raise self._document.unknown(path, "option", unknown, known)
 
 
 def _unknown(kind: str, name: str, stated: Any) -> str:

@@ -3,11 +3,13 @@
 import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import compress
 from typing import Any
 
 import numpy as np
 import pandas
 
+from glossbench.cell_index import CellIndex
 from glossbench.claims import (
     PLACES,
     Claim,
@@ -16,14 +18,13 @@ from glossbench.claims import (
     Side,
     SlopeClaim,
     ValueClaim,
-    agrees,
     meanings,
     method_of,
     methods_of,
     options_of,
+    pairing,
     places_of,
     sides_of,
-    within,
 )
 from glossbench.comparisons import (
     FAILS,
@@ -72,6 +73,10 @@ class _Table:
                 seconds = row[column]
                 row[column] = float(sum(seconds.values()))
                 row |= {f"{column}.{name}": value for name, value in seconds.items()}
+        self._index = CellIndex.of_rows(self.rows)
+        self._options: dict[str, set[str]] = {}
+        for row in self.rows:
+            self._options.setdefault(row["method"], set()).update(row["options"])
         self._names = {place: names_of(place, self.rows) for place in PLACES}
 
     def judged(self, claim: Claim) -> dict[str, Any]:
@@ -110,15 +115,11 @@ class _Table:
         """The finished cells of a side that a claim is about, the column of the claim being a number."""
         column = claim.metric if isinstance(claim, LowerClaim | SlopeClaim) else claim.of
         about = methods_of(claim)
-        of_methods = {key for row in self.rows if row["method"] in about for key in row["options"]}
+        of_methods = set().union(*(self._options.get(name, set()) for name in about))
+        fits = self._index.is_called("method", method_of(side)) & self._index.within(claim.where, of_methods)
+        fits &= self._index.within(places_of(side) | options_of(side), of_methods)
         picked = []
-        for row in self.rows:
-            if row["method"] != method_of(side) or not within(row, claim.where, of_methods):
-                continue
-            if not within(row, places_of(side), of_methods):
-                continue
-            if not all(agrees(wanted, row["options"].get(key)) for key, wanted in options_of(side).items()):
-                continue
+        for row in compress(self.rows, fits):
             if row["status"] != "done":
                 notes[f"cells {row['status']}"] += 1
                 continue
@@ -135,12 +136,9 @@ class _Table:
         """Cells of both sides on one light, material and view, what a side states aside, at equal pairing options."""
         first, second = picked
         shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in picked))
-        apart = {key for side in sides_of(claim).values() for key in options_of(side)}
-        usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared - apart]
-        keys = claim.paired_by or usual
+        keys, places = pairing(claim, shared)
         varying = [_varying(row["options"] for row in rows) for rows in picked]
-        stated = {place for side in sides_of(claim).values() for place in places_of(side)}
-        places = [place for place in PLACES if place not in stated]
+        stated = [place for place in PLACES if place not in places]
         partners: dict[str, list[Row]] = {}
         for b in second:
             partners.setdefault(_key(b, keys, places), []).append(b)

@@ -1,7 +1,7 @@
 """YAML with positions: plain data, and where in its file each key and each value stands."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
@@ -10,6 +10,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from glossbench.errors import InputError, nearest
+from glossbench.rules import instead, rule_of
+from glossbench.yaml_hints import hint
 
 KeyPath = tuple[str | int, ...]
 MAX_BYTES = 1_000_000
@@ -51,18 +53,41 @@ class Document:
         try:
             return model.model_validate(value)
         except ValidationError as error:
-            # A misspelt key leaves two errors, an unknown one and a missing one; the first tells more.
-            first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        at: KeyPath = (*path, *first["loc"])
-        if first["type"] in ("extra_forbidden", "missing"):
-            parent = f"{path_text(at[:-1])}: " if at[:-1] else ""
-            if first["type"] == "missing":
-                raise self.error(at[:-1], f"{parent}key {at[-1]!r} is required")
-            known = _fields(model, first["loc"][:-1])
-            raise self.error(at, f"{parent}unknown key {at[-1]!r}{nearest(str(at[-1]), known)}", at_key=True)
-        rule = first["msg"].removeprefix("Value error, ").removeprefix("Input ").replace("should", "must", 1)
-        got = "" if isinstance(first["input"], dict) else f", got {first['input']!r}"
-        raise self.error(at, f"{path_text(at)} {rule}{got}")
+            wrong = error.errors()
+        unknown = [e for e in wrong if e["type"] == "extra_forbidden"]
+        if unknown:  # a misspelt key leaves two errors, an unknown one and a missing one; the first tells more
+            within = [e["loc"][-1] for e in unknown if e["loc"][:-1] == unknown[0]["loc"][:-1]]
+            known = _fields(model, unknown[0]["loc"][:-1])
+            raise self.unknown((*path, *unknown[0]["loc"][:-1]), "key", list(map(str, within)), known)
+        first = wrong[0]
+        at: KeyPath = (*path, *self._real(first["loc"], value))
+        if first["type"] == "missing":
+            parent = f"{path_text(at)}: " if at else ""
+            raise self.error(at, f"{parent}key {first['loc'][-1]!r} is required")
+        rule = rule_of(first)
+        raise self.error(at, f"{path_text(at)} {rule}{instead(rule, first['input'])}")
+
+    def unknown(self, path: KeyPath, what: str, names: list[str], known: Collection[str]) -> InputError:
+        """InputError for the names in the mapping at a path that are none of those known, all in one line."""
+        parent = f"{path_text(path)}: " if path else ""
+        told = [f"unknown {what} {names[0]!r}{_nearest(names[0], known)}"]
+        for name in names[1:]:
+            line, _ = self.keys.get((*path, name), (1, 1))
+            told.append(f"and {name!r} on line {line}{_nearest(name, known)}")
+        return self.error((*path, names[0]), parent + "; ".join(told), at_key=True)
+
+    @staticmethod
+    def _real(loc: tuple[int | str, ...], value: Any) -> KeyPath:
+        """A location without what is no key of the data: pydantic adds which of several types it tried."""
+        found: list[int | str] = []
+        for part in loc:
+            if isinstance(value, dict) and part in value:
+                found.append(part)
+                value = value[part]
+            elif isinstance(value, list | tuple) and isinstance(part, int) and part < len(value):
+                found.append(part)
+                value = value[part]
+        return tuple(found)
 
 
 def path_text(path: KeyPath) -> str:
@@ -133,8 +158,13 @@ def _compose(file: str, text: str) -> Any:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         problem = error.problem or error.context or "not YAML"
-        tab = mark.index < len(text) and text[mark.index] == "\t"
-        raise _error(file, *_place(mark), "a tab cannot indent; use spaces" if tab else problem) from None
+        lines = text.splitlines()
+        if mark.index < len(text) and text[mark.index] == "\t":
+            indents = not lines[mark.line][: mark.column].strip()
+            problem = "a tab cannot indent; use spaces" if indents else "a tab cannot stand here; use a space"
+        elif problem.startswith("could not find expected ':'"):  # which is seen only on a later line
+            mark = error.context_mark or mark
+        raise _error(file, *_place(mark), problem + hint(problem, lines, mark.line, mark.column)) from None
     except yaml.reader.ReaderError as error:
         bad = ord(error.character) if isinstance(error.character, str) else error.character
         place = _line_column(text[: error.position])
@@ -170,7 +200,16 @@ class _Builder:
             parent = f"{path_text(path)}: " if path else ""
             key = self._scalar(key_node) if isinstance(key_node, yaml.ScalarNode) else None
             if not isinstance(key, str):
-                raise _error(self._document.file, *place, f"{parent}a key must be text, got {key_node.value!r:.40}")
+                before = list(found.values())[-1:]
+                is_fraction = isinstance(key, int) and before and isinstance(before[0], int)
+                instead = f"; a number has a point and not a comma: {before[0]}.{key_node.value}" if is_fraction else ""
+                got = f"{parent}a key must be text, got {key_node.value!r:.40}{instead}"
+                raise _error(self._document.file, *place, got)
+            if key == "<<":
+                merged = (
+                    f"{parent}keys cannot be merged by <<; write them out, or an alias for a whole value, key: *name"
+                )
+                raise _error(self._document.file, *place, merged)
             if key in found:
                 first = self._document.keys[(*path, key)][0]
                 raise _error(self._document.file, *place, f"{parent}key {key!r} is already on line {first}")
@@ -189,7 +228,9 @@ class _Builder:
         try:
             return _SCALARS[tag](node.value)
         except ValueError:
-            raise _error(self._document.file, *place, f"{node.value!r:.40} is no {tag}") from None
+            zeros = f"; write {node.value.lstrip('0') or 0}, or 0o{node.value.lstrip('0')} for base 8"
+            instead = zeros if re.fullmatch(r"0[0-9]+", node.value) else ""
+            raise _error(self._document.file, *place, f"{node.value!r:.40} is no {tag}{instead}") from None
 
 
 def _fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
@@ -201,7 +242,17 @@ def _fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
     return list(model.model_fields)
 
 
+def _nearest(name: str, known: Collection[str]) -> str:
+    """The hint for an unknown name; a colon without a space makes a name of a key and its value."""
+    key, colon, value = name.partition(":")
+    if colon and key in known:
+        return f"; a colon needs a space after it: {key}: {value}"
+    return nearest(name, known)
+
+
 def _int(text: str) -> int:
+    if re.fullmatch(r"[-+]?0[0-9]+", text):
+        raise ValueError("a number cannot begin with 0")
     return int(text, {"0x": 16, "0o": 8}.get(text[:2], 10))
 
 

@@ -71,6 +71,8 @@ class LightingFactorization(Method):
         floor: samples below this times the mean count as that: zero has no logarithm.
         smoothness: lambda of the Laplacian, which the paper leaves open.
         sampling: "sum" of all texels, or "monte_carlo": by `samples` of light and material for each sample of Lo.
+        samples: of light and material, for each sample of Lo, where `sampling` is "monte_carlo".
+        seed: of these.
         solver, tolerance, max_iterations: as of `homomorphic.factorize`.
         textures: "float", or "8bit" as of `fixed_point`, which the hardware of the paper had.
         prescale: of 8-bit textures that need more than a factor of 4.

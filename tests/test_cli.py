@@ -3,16 +3,17 @@
 import hashlib
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from importlib.metadata import version as system_version
 from inspect import cleandoc
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pandas
 import pytest
 import torch
 import yaml
@@ -263,8 +264,8 @@ def test_a_light_on_the_command_line_replaces_those_of_the_study(call):
     n_cells = len(load_study("quickstart").cells())
     lines = out.splitlines()
     assert code == 0
-    assert lines[-1] == f"{n_cells} cells would go to results/quickstart_probe"
-    assert all(line.startswith("file {") and '"file": "probe.exr"' in line for line in lines[:-1])
+    assert lines[-1] == f"{n_cells} cells would go to results/quickstart_probe: {n_cells} new"
+    assert all(line.startswith("new  probe.exr  ") for line in lines[:-1])
 
 
 @pytest.mark.usefixtures("without_reports")
@@ -285,10 +286,26 @@ def test_a_dry_run_names_the_cells_and_writes_nothing(call, here):
 
     lines = out.splitlines()
     assert (code, err) == (0, "")
-    assert len(lines) == 5
-    assert all(line.startswith("gradient {") and " ggx {" in line for line in lines[:4])
-    assert lines[-1] == "4 cells would go to x[1]"
+    assert lines == [
+        "new  gradient  ggx  importance_sampling (samples 4)",
+        "new  gradient  ggx  importance_sampling (samples 8)",
+        "new  gradient  ggx  environment_sampling (samples 4)",
+        "new  gradient  ggx  environment_sampling (samples 8)",
+        "4 cells would go to x[1]: 4 new",
+    ]
     assert everything(here) == before
+
+
+def test_a_dry_run_says_which_cells_are_done_and_which_have_failed(call, results):
+    done = Results(results).cells["key"][0]
+    cell = results / "cells" / f"{done}.json"
+    cell.write_text(cell.read_text().replace('"done"', '"failed"'))
+
+    lines = call("run", "tiny.yaml", "--dry-run").out.splitlines()
+
+    assert [line.split()[0] for line in lines[:4]] == ["failed", "done", "new", "new"]
+    assert lines[4] == "4 cells would go to results/tiny: 1 done, 1 failed, 2 new"
+    assert lines[5] == "failed cells stay as they are; --rerun-failed tries them again"
 
 
 def test_an_interrupt_ends_with_130_and_one_line(call, monkeypatch):
@@ -432,10 +449,24 @@ def test_a_wrong_call_is_one_line_and_nothing_is_written(call, here, arguments, 
 # Looking things up
 
 
-def test_validate_counts_cells_and_claims(call, here):
+VALIDATED = """\
+Tiny: 1 light, 1 material, 1 view, 4 cells, 1 claim
+light     gradient: resolution 16
+material  ggx: alpha 0.5 (isotropic)
+view      sphere: resolution 8
+methods   importance_sampling: samples 4, 8 -> 2 methods
+          environment_sampling: samples 4, 8 -> 2 methods
+metrics   rms, relative_rms, mean_error, max_error
+device    cpu
+claims    2 pairs: A [b] /c
+
+"""
+
+
+def test_validate_says_what_a_study_makes_and_writes_nothing(call, here):
     before = everything(here)
 
-    assert call("validate", "tiny.yaml") == (0, "Tiny: 1 light, 1 material, 1 view, 4 cells, 1 claim\n", "")
+    assert call("validate", "tiny.yaml") == (0, VALIDATED, "")
     assert everything(here) == before
 
 
@@ -776,15 +807,15 @@ def test_a_run_takes_the_name_of_a_light(call):
     code, out, err = call("run", "tiny.yaml", "--light", "constant", "--dry-run")
 
     assert (code, err) == (0, "")
-    assert all(line.startswith("constant {") for line in out.splitlines()[:-1])
-    assert out.splitlines()[-1] == "4 cells would go to results/tiny_constant"
+    assert all(line.startswith("new  constant  ") for line in out.splitlines()[:-1])
+    assert out.splitlines()[-1] == "4 cells would go to results/tiny_constant: 4 new"
 
 
 def test_a_run_takes_a_name_of_the_catalogue_and_fetches_nothing_before_it_starts(call, here):
     code, out, err = call("run", "tiny.yaml", "--light", "grace_cross", "--dry-run")
 
     assert (code, err) == (0, "")
-    assert out.splitlines()[-1] == "4 cells would go to results/tiny_grace_cross"
+    assert out.splitlines()[-1] == "4 cells would go to results/tiny_grace_cross: 4 new"
     assert not (here / "no cache").exists()
 
 
@@ -974,24 +1005,6 @@ def test_report_writes_those_that_are_asked_for(call, monkeypatch, flags, names)
     assert written == names.split()
 
 
-def planted_fault(folder: Path) -> Path:
-    raise RuntimeError("planted\nfault")
-
-
-@pytest.mark.parametrize("arguments", [["report", "results/tiny"], ["run", "tiny.yaml", "-f", "importance_sampling"]])
-@pytest.mark.usefixtures("results")
-def test_a_report_that_fails_is_one_line_and_the_others_are_written(call, monkeypatch, arguments):
-    writers = {"html": planted_fault, "pdf": lambda folder: folder / "report.pdf"}
-    monkeypatch.setattr(cli, "_report_writers", lambda: writers)
-
-    code, out, err = call(*arguments)
-
-    assert code == 1
-    assert out.splitlines()[-1] == "report: results/tiny/report.pdf"
-    line = r"error: the html report was not written: RuntimeError, test_cli\.py:\d+: planted fault"
-    assert re.fullmatch(line, err.splitlines()[-1])
-
-
 @pytest.mark.parametrize("changes", [["-f", "environment_sampling"], ["-f", "importance_sampling", "--seed", "3"]])
 def test_a_run_does_not_write_over_results_of_another(call, results, changes):
     before = everything(results)
@@ -1048,3 +1061,70 @@ def test_a_wrong_call_of_figure_is_one_line(call, arguments, message):
     assert (code, out) == (2, "")
     assert err.startswith(message)
     assert err.count("\n") == 1
+
+
+# What a run says before and while its reports are written
+
+
+def planted_fault(folder: Path) -> Path:
+    raise RuntimeError("planted\n[/fault]")
+
+
+def kept_report(folder: Path) -> Path:
+    (folder / "kept.html").write_text("kept")
+    return folder / "kept.html"
+
+
+def test_a_report_that_fails_is_one_line_after_the_verdicts_and_the_others_are_written(call, monkeypatch):
+    monkeypatch.setattr(cli, "_report_writers", lambda: {"broken": planted_fault, "kept": kept_report})
+
+    code, out, err = call("run", "tiny.yaml")
+
+    assert code == 1
+    assert "A [b] /c" in out
+    assert out.splitlines()[-1] == "report: results/tiny/kept.html"
+    assert err.startswith("error: the broken report was not written: RuntimeError: planted [/fault] (")
+    assert f"{Path(__file__).name}:" in err
+    assert err.count("\n") == 1
+    assert call("report", "results/tiny").code == 1
+
+
+def test_an_interrupt_while_reports_are_written_says_that_the_results_are_whole(call, monkeypatch):
+    monkeypatch.setattr(
+        cli, "_report_writers", lambda: {"slow": lambda folder: (_ for _ in ()).throw(KeyboardInterrupt)}
+    )
+
+    code, out, err = call("run", "tiny.yaml")
+
+    assert code == 130
+    assert "A [b] /c" in out
+    assert err == "interrupted: the results are whole: `glossbench report results/tiny` writes the reports\n"
+
+
+def test_the_table_of_5000_cells_is_its_first_rows_and_a_count(capsys):
+    row = dict(light="spots", material="kurt", view="sphere", method="importance_sampling", light_options="{}",
+               material_options="{}", view_options="{}", tuned="{}", reason="it cannot", notes="[]", rms=1.0,
+               at_noise_floor=False, n_samples=4, stage_seconds="{}", update_seconds="{}",
+               shade_seconds=1e-3)  # fmt: skip
+    options = [json.dumps({"samples": i % 50, "seed": i // 50}) for i in range(5000)]
+    status = ["skipped" if i == 4999 else "done" for i in range(5000)]
+    cells = pandas.DataFrame([row | {"options": o, "status": s} for o, s in zip(options, status, strict=True)])
+    started = time.process_time()
+
+    printing.print_table(cells, ["rms"])
+
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 1 + printing.MAX_ROWS + 2
+    assert lines[-2] == "... and 4960 more of 5000 rows: all are in the report and in cells.parquet"
+    assert lines[-1] == "skipped: importance_sampling: it cannot"
+    # Measured 0.7 s; where each row is compared with all others, four minutes.
+    assert time.process_time() - started < 10
+
+
+@pytest.mark.parametrize("name", ["regular_sampling", "importance_sampling"])
+def test_info_has_the_formula_in_plain_letters_and_not_in_the_notation_of_print(call, name):
+    out = call("info", name).out
+
+    assert "Lo ~ (1/N) sum of" in out
+    assert "approx" not in out
+    assert "sum_(i=1)" not in out

@@ -101,7 +101,7 @@ BROKEN: dict[str, tuple[Any, str, list[str]]] = {
     "an unknown alias": (a_study(view="*v"), "4:7", ["undefined alias 'v'"]),
     "an alias inside itself": (a_study(methods="&a [*a]"), "5:10", ["alias inside itself"]),
     "aliases for gigabytes": (bomb(), "1:37", ["more than 100000 values", "aliases"]),
-    "a merge key": (a_study(methods="{<<: {importance_sampling: }}"), "5:11", ["unknown method '<<'"]),
+    "a merge key": (a_study(methods="{<<: {importance_sampling: }}"), "5:11", ["keys cannot be merged by <<"]),
     "a Python object": (a_study(title="!!python/object/apply:os.system [x]"), "1:8", ["title", "must be"]),
     "a Python tag on text": (a_study(title="!!python/name:os.system x"), "1:8", ["tag", "is not allowed"]),
     "a tag of one's own": (a_study(title="!mine x"), "1:8", ["tag '!mine' is not allowed"]),
@@ -225,7 +225,7 @@ def test_the_study_that_the_broken_ones_come_from_is_whole(call):
 
     code, out, err = call("validate", "my.yaml")
 
-    assert (code, out, err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim\n", "")
+    assert (code, out.splitlines()[0], err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim", "")
 
 
 def pipe(name: str) -> str:
@@ -292,7 +292,7 @@ def test_results_lie_below_results_wherever_the_study_lies(call):
     code, out, _ = call("run", str(folder / "my.study.yaml"), "--dry-run")
 
     assert code == 0
-    assert out.endswith("2 cells would go to results/my.study\n")
+    assert out.endswith("2 cells would go to results/my.study: 2 new\n")
 
 
 def test_a_plugin_that_imports_itself_and_prints_is_welcome(call):
@@ -301,7 +301,7 @@ def test_a_plugin_that_imports_itself_and_prints_is_welcome(call):
 
     code, out, _ = call("validate", "my.yaml")
 
-    assert (code, out) == (0, "hello\nT: 1 light, 1 material, 1 view, 2 cells, 0 claims\n")
+    assert (code, out.splitlines()[:2]) == (0, ["hello", "T: 1 light, 1 material, 1 view, 2 cells, 0 claims"])
 
 
 def test_another_process_ends_with_2_and_one_line(here):
@@ -356,7 +356,7 @@ def test_a_where_of_two_sides_may_fit_each(call):
 
     code, out, err = call("validate", "my.yaml")
 
-    assert (code, out, err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim\n", "")
+    assert (code, out.splitlines()[0], err) == (0, "T: 1 light, 1 material, 1 view, 2 cells, 1 claim", "")
 
 
 def test_a_side_that_no_cell_has_is_pointed_at(call):

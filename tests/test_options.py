@@ -100,8 +100,8 @@ REFUSED = [
     ("share", 1.01, "lamp.share must be less than or equal to 1, got 1.01"),
     ("width", 0, "lamp.width must be greater than 0, got 0"),
     ("m", [0.1, 1.4], "lamp.m[1] must be less than or equal to 1, got 1.4"),
-    ("m", "0.1", "lamp.m must be a valid tuple, got '0.1'"),
-    ("m", True, "lamp.m must be a valid tuple, got True"),
+    ("m", "0.1", "lamp.m must be a list, got '0.1'"),
+    ("m", True, "lamp.m must be a list, got True"),
     ("tint", [1, -1, 1], "lamp.tint[1] must be greater than or equal to 0, got -1"),
     ("shape", "disk", "lamp.shape must be 'disc' or 'square', got 'disk'"),
     ("on", 1, "lamp.on must be a valid boolean, got 1"),
@@ -131,7 +131,7 @@ def test_a_vector_of_the_wrong_length_is_refused(option, value):
 def test_an_array_is_refused_in_one_line():
     text = refused({"m": np.eye(2)})
 
-    assert text.startswith("lamp.m must be a valid tuple, got array([[1., 0.], [0., 1.]])")
+    assert text.startswith("lamp.m must be a list, got array([[1., 0.], [0., 1.]])")
 
 
 def test_a_lax_check_would_take_what_is_refused():

@@ -74,7 +74,8 @@ def _describe_class(kind: str, cls: Any) -> None:
     out.print(documentation(cls))
     out.print()
     kind_of = next(base for base in cls.__mro__ if Options in base.__bases__)
-    stated = {key: getattr(cls, key) for key in get_annotations(kind_of)}
+    # The equation is in the notation of print; the docstring has it in plain letters.
+    stated = {key: getattr(cls, key) for key in get_annotations(kind_of) if key != "equation"}
     print_rows({key.replace("_", " "): _word(value) for key, value in stated.items() if isinstance(value, str | bool)})
     table = Table("option", "default", "values", box=None, pad_edge=False)
     for option, rule in json_schema(cls)["properties"].items():

@@ -1,0 +1,65 @@
+"""How many cells of a study, or pairs of them, each of its claims is about: what can be said before it runs."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from glossbench.cell_index import CellIndex, Mask
+from glossbench.claims import (
+    Claim,
+    LowerClaim,
+    RatioClaim,
+    SlopeClaim,
+    method_of,
+    methods_of,
+    options_of,
+    pairing,
+    places_of,
+    sides_of,
+)
+from glossbench.study_claims import claim_index
+
+if TYPE_CHECKING:
+    from glossbench.study import Study
+
+
+class Count(NamedTuple):
+    """How much a claim is about: a number of `what`, and in words why that is too little for a verdict, if it is."""
+
+    n: int
+    what: str
+    problem: str = ""
+
+
+def counts(study: "Study") -> list[Count]:
+    """The count of each claim, in their order."""
+    index, kept = claim_index(study), study.kept
+    options: dict[str, set[str]] = {}
+    for item in study.methods:
+        options.setdefault(item.name, set()).update(item.options)
+    return [_count(claim, index, kept, options) for claim in study.claims]
+
+
+def _count(claim: Claim, index: CellIndex, kept: Mask, options: dict[str, set[str]]) -> Count:
+    of_methods = set().union(*(options[name] for name in methods_of(claim)))
+    within = kept & index.within(claim.where, of_methods)
+    sides = []
+    for side in sides_of(claim).values():
+        asked = index.within(places_of(side) | options_of(side), of_methods)
+        sides.append(np.flatnonzero(within & asked & index.is_called("method", method_of(side))))
+    match claim:
+        case LowerClaim() | RatioClaim():
+            shared = set.intersection(*(options[method_of(side)] for side in sides_of(claim).values()))
+            keys, places = pairing(claim, shared)
+            alike = index.alike(places, keys)
+            (first, n_first), (second, n_second) = (np.unique(alike[side], return_counts=True) for side in sides)
+            _, i, j = np.intersect1d(first, second, assume_unique=True, return_indices=True)
+            n = int((n_first[i] * n_second[j]).sum())
+            equal = ", ".join([*places, *keys])
+            return Count(n, "pair", "" if n else f"no cell of one side has a partner of the same {equal}")
+        case SlopeClaim():
+            n_values = len(np.unique(index.alike((), [claim.over])[sides[0]]))
+            few = f"a slope needs 3 values of {claim.over}, and has {n_values}"
+            return Count(len(sides[0]), "cell", few if n_values < 3 else "")
+        case _:
+            return Count(len(sides[0]), "cell")

@@ -1,0 +1,60 @@
+"""A JSON Schema without repetition: what stands in it more than once is stated once, under $defs."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+LISTS = ("anyOf", "prefixItems")  # of schemas
+MAPS = ("properties", "$defs")  # of names to schemas
+SINGLE = ("items", "additionalProperties", "propertyNames")
+MIN_LENGTH = 80  # characters, below which a reference is no shorter
+
+
+def shared(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema with its repeated parts under $defs, each by the name of the place where it comes first."""
+    counts = Counter(text for text, _ in _parts(schema, ()))
+    names: dict[str, str] = {}
+    taken = Counter(list(schema["$defs"]))
+    for text, path in _parts(schema, ()):
+        if counts[text] > 1 and len(text) > MIN_LENGTH and text not in names:
+            name = ".".join(path)
+            names[text] = f"{name}.{taken[name] + 1}" if taken[name] else name
+            taken[name] += 1
+    definitions = {name: _referring(json.loads(text), names, is_top=True) for text, name in names.items()}
+    whole = _referring(schema, names, is_top=True)
+    return {**whole, "$defs": {**whole["$defs"], **definitions}}
+
+
+def _parts(schema: dict[str, Any], path: tuple[str, ...]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Every schema below one, as canonical text, with the names on the way to it; those within a repeated one, too."""
+    for part, name in _children(schema):
+        below = (*path, name) if name else path
+        yield json.dumps(part, sort_keys=True), below
+        yield from _parts(part, below)
+
+
+def _children(schema: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    for key in LISTS:
+        yield from ((part, "") for part in schema.get(key, []))
+    for key in MAPS:
+        yield from ((part, name) for name, part in schema.get(key, {}).items())
+    yield from ((schema[key], "") for key in SINGLE if isinstance(schema.get(key), dict))
+
+
+def _referring(schema: dict[str, Any], names: dict[str, str], is_top: bool = False) -> dict[str, Any]:
+    """The schema with a reference in place of each part that has a name."""
+    text = json.dumps(schema, sort_keys=True)
+    if text in names and not is_top:
+        return {"$ref": f"#/$defs/{names[text]}"}
+    found = dict(schema)
+    for key in LISTS:
+        if key in found:
+            found[key] = [_referring(part, names) for part in found[key]]
+    for key in MAPS:
+        if key in found:
+            found[key] = {name: _referring(part, names) for name, part in found[key].items()}
+    for key in SINGLE:
+        if isinstance(found.get(key), dict):
+            found[key] = _referring(found[key], names)
+    return found
