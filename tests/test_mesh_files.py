@@ -251,6 +251,15 @@ def test_ply_normals_are_kept():
         (ply().replace(b"float z", b"float w"), "a.ply has no vertices with x, y and z"),
         (ply().replace(b"vertex_indices", b"neighbours"), "a.ply has no faces, only 4 points"),
         (ply(faces=[[0, 1, 4]]), "a.ply has 4 vertices, but face 0 has vertex 4, from 0"),
+        (
+            ply().replace(b"3 0 2 1", b"3 0 nan 1"),
+            "a.ply: PLY file whose face names vertex nan, which is no whole number",
+        ),
+        (
+            ply().replace(b"3 0 2 1", b"3 0 1.5 1"),
+            "a.ply: PLY file whose face names vertex 1.5, which is no whole number",
+        ),
+        (ply().replace(b"3 0 2 1", b"nan 0 2 1"), "a.ply: PLY file truncated or damaged"),
     ],
 )
 def test_ply_files_that_are_damaged_are_refused(content, message):

@@ -40,7 +40,7 @@ class Element(NamedTuple):
 class Lists(NamedTuple):
     """Rows of different length, after each other."""
 
-    values: Ints
+    values: NDArray[Any]
     counts: Ints
 
 
@@ -72,10 +72,10 @@ def read_ply(path: Path) -> Surface:
     )
     assert vertices is not None
     found = []
-    faces = _indices(columns.get("face", {}))
+    faces = _indices(path, columns.get("face", {}))
     if faces is not None:
         found.append(faces.values[triangulate(str(path), vertices, *faces)])
-    strips = _indices(columns.get("tristrips", {}))
+    strips = _indices(path, columns.get("tristrips", {}))
     if strips is not None:
         found.append(strip_triangles(strips.values, strips.counts))
     if not found:
@@ -83,9 +83,17 @@ def read_ply(path: Path) -> Surface:
     return Surface(vertices, np.concatenate(found), normals)
 
 
-def _indices(columns: Columns) -> Lists | None:
+def _indices(path: Path, columns: Columns) -> Lists | None:
     named = [columns[name] for name in ("vertex_indices", "vertex_index") if name in columns]
-    return next((column for column in named if isinstance(column, Lists)), None)
+    found = next((column for column in named if isinstance(column, Lists)), None)
+    if found is None:
+        return None
+    wrong = ~(np.abs(found.values) < 2**53) | (found.values != np.floor(found.values))
+    if wrong.any():
+        raise InputError(
+            f"{path}: PLY file whose face names vertex {found.values[wrong][0]:g}, which is no whole number"
+        )
+    return Lists(found.values.astype(np.int64), found.counts)
 
 
 def _header(path: Path, data: bytes) -> tuple[str, list[Element], int]:
@@ -145,9 +153,11 @@ class _Text:
             for each in names:
                 if at >= len(numbers):
                     raise _cut(self._path, element)
+                if each.counted and not 0 <= numbers[at] <= len(numbers):
+                    raise _cut(self._path, element)
                 n = int(numbers[at]) if each.counted else 1
                 at += bool(each.counted)
-                if n < 0 or at + n > len(numbers):
+                if at + n > len(numbers):
                     raise _cut(self._path, element)
                 starts[each.name].append(at)
                 counts[each.name].append(n)
@@ -178,7 +188,7 @@ class _Binary:
             if all((rows[f"count {i}"] == n).all() for i, n in lengths.items()):
                 self._at = end
                 return {
-                    each.name: Lists(rows[f"{i}"].astype(np.int64).reshape(-1), np.full(len(rows), lengths[i]))
+                    each.name: Lists(rows[f"{i}"].reshape(-1), np.full(len(rows), lengths[i]))
                     if each.counted
                     else rows[f"{i}"]
                     for i, each in enumerate(element.properties)
@@ -224,9 +234,7 @@ class _Binary:
         for each in element.properties:
             rows = found[each.name]
             values = np.concatenate(rows)
-            columns[each.name] = (
-                Lists(values.astype(np.int64), np.array([len(row) for row in rows])) if each.counted else values
-            )
+            columns[each.name] = Lists(values, np.array([len(row) for row in rows])) if each.counted else values
         return columns
 
 
@@ -235,7 +243,7 @@ def _gathered(numbers: NDArray[np.float64], starts: list[int], counts: list[int]
         return numbers[starts]
     n = np.array(counts, np.int64)
     places = np.arange(n.sum()) + np.repeat(np.array(starts, np.int64) - (np.cumsum(n) - n), n)
-    return Lists(numbers[places].astype(np.int64), n)
+    return Lists(numbers[places], n)
 
 
 def _cut(path: Path, element: Element) -> InputError:
