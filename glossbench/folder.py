@@ -77,7 +77,7 @@ class Folder:
         if old or not set(written) <= set(manifest.files):
             files = {name: sha256 for name, sha256 in manifest.files.items() if name not in old}
             replace(manifest, files={**files, **dict.fromkeys(written)}).write(self.root)
-        if old and not any(self.path(folder).iterdir()):
+        if old and self.path(folder).is_dir() and not any(self.path(folder).iterdir()):
             self.path(folder).rmdir()
 
     def write(self, name: str, text: str) -> None:

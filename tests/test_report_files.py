@@ -84,6 +84,15 @@ def test_a_folder_of_images_that_is_empty_goes(folder, monkeypatch):
     assert not (folder / "report_images").exists()
 
 
+def test_images_that_somebody_removed_already_are_no_hindrance(folder, monkeypatch):
+    shutil.rmtree(folder / "report_images")
+    monkeypatch.setattr(payload, "INLINE", 10**9)
+
+    html.write_report(folder)
+
+    assert not (folder / "report_images").exists()
+
+
 def test_a_planted_manifest_removes_nothing_but_images_of_a_page(folder, tmp_path, monkeypatch):
     (tmp_path / "app.js").write_text("precious")
     (folder / "mine.js").write_text("precious")
