@@ -1,6 +1,7 @@
 """The PDF report of a study: the same as the page, for print, read from what the run left on disk."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -121,13 +122,13 @@ def _plots(
         singles, means = ([p for p in places if (len(p.lights) > 1) == is_mean] for is_mean in (False, True))
         places, later = (means, singles) if 0 < len(means) <= MANY_PLACES else (places[:1], places[1:])
     parameters = [sweep for sweep in sweeps.values() if sweep.kind and sweep.n_values >= FEWEST and sweep is not first]
-    swept = [each for sweep in (first, *parameters) for each in _over_sweep(groups, sweep, metric)]
-    shown = [*swept, *_at(places, metric, of)]
+    # One figure after the other: many at once take a GB.
+    swept = (each for sweep in (first, *parameters) for each in _over_sweep(groups, sweep, metric))
+    shown = chain(swept, _at(places, metric, of))
     return _printed(shown, press), _printed(_at(later, metric), press)
 
 
-def _over_sweep(groups: Sequence[Group], sweep: Sweep, metric: str) -> list[Titled]:
-    found: list[Titled] = []
+def _over_sweep(groups: Sequence[Group], sweep: Sweep, metric: str) -> Iterator[Titled]:
     places = places_of(groups, sweep) if sweep.name != SAMPLES else []
     left = f", the last of {MOST_SWEPT} of {len(places)} conditions of the study" if len(places) > MOST_SWEPT else ""
     for i, place in enumerate(places[:MOST_SWEPT], 1):
@@ -140,26 +141,23 @@ def _over_sweep(groups: Sequence[Group], sweep: Sweep, metric: str) -> list[Titl
             what = f"{metric} and costs"
         if panels:
             of = left if i == MOST_SWEPT else ""
-            found.append((plot(panels), f"{place.title}{of}: {what} over {sweep.title}"))
-    return found
+            yield plot(panels), f"{place.title}{of}: {what} over {sweep.title}"
 
 
-def _at(places: Sequence[Place], metric: str, of: str = "") -> list[Titled]:
+def _at(places: Sequence[Place], metric: str, of: str = "") -> Iterator[Titled]:
     """A metric over samples and costs; where each method has one budget and no cost, by method."""
-    found = []
     for place in places:
         lines = lines_at(place, metric)
         over = over_sweep(place, metric) if place.sweep.name == SAMPLES else []
         if panels := [*over, *against_costs(place, metric)]:
             what = "over samples and costs" if over else "against costs"
-            found.append((plot(panels), f"{place.title}{of}: {metric} {what}"))
+            yield plot(panels), f"{place.title}{of}: {metric} {what}"
         elif lines:
             figure = error_by_method(lines, axis_of(place, metric))
-            found.append((figure, f"{place.title}{of}: {metric} by method"))
-    return found
+            yield figure, f"{place.title}{of}: {metric} by method"
 
 
-def _printed(figures: Sequence[Titled], press: Press) -> list[dict[str, Any]]:
+def _printed(figures: Iterable[Titled], press: Press) -> list[dict[str, Any]]:
     return [press.figure(figure) | {"alt": f"Plots of {title}", "caption": title} for figure, title in figures]
 
 
