@@ -5,6 +5,7 @@ cells.parquet       one row a cell, in the order of the study
 claims.json         the verdicts
 provenance.json     versions, hardware, times
 cells/KEY.json      the row of one cell; its presence means that the cell is done
+begun/KEY.begun     a mark while a cell is under way: how often the process ended in it
 images/KEY.exr      its image; KEY_half_vectors.npy the pattern and KEY_state_NAME.exr pictures of its state, where a
                     method has them; KEY_flip_N.npz a FLIP map, once a page was made, of N x N pixels averaged
 references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels,
@@ -97,6 +98,10 @@ class Results:
     def has_cell(self, key: str) -> bool:
         """Whether this cell is done, skipped or failed."""
         return (self.folder / "cells" / f"{key}.json").is_file()
+
+    def remove_cell(self, key: str) -> None:
+        """Forget that a cell is done."""
+        (self.folder / "cells" / f"{key}.json").unlink(missing_ok=True)
 
     def cell(self, key: str) -> dict[str, Any]:
         """The row of one cell."""

@@ -5,8 +5,8 @@ import sys
 import threading
 import time
 import traceback
-import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -17,22 +17,26 @@ import numpy as np
 import pandas
 import torch
 
-from glossbench.brdf.material import MATERIALS
-from glossbench.costs import Costs
+from glossbench.attempts import Attempt, remove_marks
+from glossbench.cell_items import Made, Sources
+from glossbench.claims import PLACES
+from glossbench.digests import digest_of
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights import LIGHTS
 from glossbench.errors import InputError, MethodError
 from glossbench.ground_truth import Reference, compute_reference
 from glossbench.items import Cell, Item
+from glossbench.leftovers import children, end_children
 from glossbench.measuring import measure
-from glossbench.metrics import METRICS
-from glossbench.provenance import glossbench_version, numerics_hash, processor, provenance, source_hash
-from glossbench.registry import Registry
+from glossbench.plugin_outputs import check_view, notes_of, reason_of
+from glossbench.process_state import Restored, is_foreign
+from glossbench.provenance import numerics_hash, provenance
 from glossbench.results import Results, key_of
-from glossbench.scene.points import VIEWS
-from glossbench.shading import METHODS, Image
+from glossbench.row_start import begin_row, failure
+from glossbench.shading import Image
 from glossbench.stage_cache import StageCache
 from glossbench.study import Study
+from glossbench.study_lights import Changed, StudyLights
 from glossbench.time_limit import time_limit
 from glossbench.verdicts import judge
 
@@ -79,164 +83,128 @@ def run_study(
         raise InputError("the study wants device: cuda, but there is none here; say device: cpu")
     progress = progress or Progress()
     cells = study.cells()
-    lights = _Lights(study)
+    results = Results(folder)
+    lights = StudyLights(study.device, folder / "begun")
     progress.doing("lights")
     for item in study.lights:  # an image that cannot be read must stop the run before it writes
-        lights.get(item)
-    results = Results(folder)
+        if not is_foreign(LIGHTS.get(item.name)):
+            lights.get(item)
     results.create()
     started = datetime.now(UTC)
     progress.begin(len(cells))
     executor = _Executor(study, results, lights, progress, use_cache, fail_fast)
-    rows = []
-    for cell in cells:
-        row = executor.run(cell, rerun_failed)
-        rows.append(row)
-        progress.cell(row)
+    rows, running = [], children()
+    try:
+        for cell in cells:
+            row = executor.run(cell, rerun_failed)
+            rows.append(row)
+            progress.cell(row)
+    finally:
+        end_children(but=running)
     results.finish(
         study.resolved(), judge(study.claims, pandas.DataFrame(rows)), rows, provenance(study.device, started)
     )
     return results
 
 
-class _Lights:
-    """The study's lights, one in memory at a time."""
-
-    def __init__(self, study: Study) -> None:
-        self._study = study
-        self._item: Item | None = None
-        self._light: CubeMap | None = None
-        self._keys: dict[Item, str] = {}
-        self._digest = 0
-
-    def get(self, item: Item) -> CubeMap:
-        if self._light is None or self._item != item:
-            self._light = LIGHTS.create(item.name, item.options).cubemap().to(self._study.device)
-            self._item = item
-            self._keys[item] = self._light.key
-            self._digest = _digest(self._light)
-        return self._light
-
-    def is_intact(self) -> bool:
-        """Whether the light is what it was when it was made: arrays that share its memory can be written to unseen."""
-        return self._light is None or _digest(self._light) == self._digest
-
-    def forget(self) -> None:
-        """Make the light anew when it is asked for again."""
-        self._light = None
-
-    def key(self, item: Item) -> str:
-        if item not in self._keys:
-            self.get(item)
-        return self._keys[item]
-
-
 class _Executor:
     """Runs one cell after another; stages and the reference, which neighbours share, it keeps meanwhile."""
 
     def __init__(
-        self,
-        study: Study,
-        results: Results,
-        lights: _Lights,
-        progress: Progress,
-        use_cache: bool,
-        fail_fast: bool,
-    ) -> None:
+        self, study: Study, results: Results, lights: StudyLights, progress: Progress, use_cache: bool, fail_fast: bool
+    ) -> None:  # fmt: skip
         self.study, self.results, self.lights, self.progress = study, results, lights, progress
         self.use_cache, self.fail_fast = use_cache, fail_fast
         self._code = numerics_hash()
+        self._sources = Sources(study.metrics)
         self._fresh: set[str] = set()  # keys of references made by this run
-        self._stages = StageCache(self.progress.doing)
-        self._stages_light: Item | None = None
         self._truth: tuple[str, Reference] | None = None
+        self._stages_light: Item | None = None
+        self._forget()
 
     def run(self, cell: Cell, rerun_failed: bool) -> dict[str, Any]:
         """The row of a cell: read from disk, or made and written."""
-        light = [self.lights.key(cell.light), source_hash(LIGHTS.get(cell.light.name))]
-        reference_key = key_of(
-            [self._code, light, _stated(MATERIALS, cell.material), _stated(VIEWS, cell.view),
-             self.study.reference.model_dump(), self.study.device]
-        )  # fmt: skip
-        metrics = [[name, source_hash(METRICS.get(name))] for name in self.study.metrics]
-        key = key_of([reference_key, _stated(METHODS, cell.method), metrics])
-        row = self._identity(cell, key, reference_key)
-        if self.use_cache and self.results.has_cell(key):
-            stored = self.results.cell(key)
-            if not (rerun_failed and stored["status"] == "failed"):
-                # The key does not tell what an image file was called, nor a seed that nothing took.
-                return stored | {column: row[column] for column in ("light_options", "seed")}
+        sources, is_foreign_cell = self._sources.of(cell), self._sources.any_foreign(cell)
+        common = [self._code, self.study.reference.model_dump(), self.study.device]
+        items = {kind: [getattr(cell, kind).name, getattr(cell, kind).spelled()] for kind in (*PLACES, "method")}
+        # Under this is kept what fails before the cell's own key is known, or ends the process.
+        spelled = key_of([common, sources, items])
+        row = self._row(cell, spelled, "")
+        attempt = Attempt(self.results.folder / "begun", spelled)
+        image, half_vectors = None, None
         try:
-            done, image, half_vectors = self._execute(cell, row)
+            if (stored := self._stored(row, rerun_failed)) is not None:
+                return stored
+            if attempt.is_hopeless and not self.results.has_cell(spelled):
+                row |= failure(f"{attempt.told}; --rerun-failed tries again")
+                self.results.add_cell(row, None, None)
+                return row
+            with self._guarded(cell, row) if is_foreign_cell else nullcontext():
+                if is_foreign_cell:
+                    attempt.begin()
+                made = Made.of(cell)
+                light_key = self.lights.key(cell.light) or self.lights.get(cell.light).key
+            material, view, method = (
+                [*items[k], text] for k, text in zip(("material", "view", "method"), made.keys, strict=True)
+            )
+            reference_key = key_of([common, light_key, *(sources[place] for place in PLACES), material, view])
+            row = self._row(cell, key_of([reference_key, method, sources["method"], sources["metrics"]]), reference_key)
+            if (stored := self._stored(row, rerun_failed)) is not None:
+                return stored
+            attempt.begin()
+            done, image, half_vectors = self._execute(cell, row, made)
             row |= done
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Changed):
+            attempt.end()
             raise
         except BaseException as error:  # a plug-in may leave by SystemExit, too
-            self._stages, self._truth = StageCache(self.progress.doing), None
-            self.lights.forget()
-            if self.fail_fast and isinstance(error, Exception):
+            self._forget()
+            if self.fail_fast or (isinstance(error, InputError) and not is_foreign_cell and not row["reference_key"]):
+                attempt.end()
+                if not isinstance(error, Exception):
+                    raise MethodError(f"{cell.method.name} raised {error!r}") from error
                 raise
-            if self.fail_fast:
-                raise MethodError(f"{cell.method.name} raised {error!r}") from error
-            row |= _failed(traceback.format_exc())
+            row |= failure(traceback.format_exc())
             image, half_vectors = None, None
-        self.results.add_cell(row, image, half_vectors)
+        try:
+            self.results.add_cell(row, image, half_vectors)
+            if row["key"] != spelled:
+                self.results.remove_cell(spelled)
+        finally:
+            attempt.end()
         return row
 
-    def _give_up(self, row: dict[str, Any], thread: int) -> None:
-        """Write the row of a cell that cannot be interrupted, with where it is, before the process ends."""
-        reason = f"took more than the time limit of {self.study.time_limit:g} s, and could not be interrupted"
-        stack = "".join(traceback.format_stack(sys._current_frames()[thread]))
-        self.results.add_cell(row | _failed(f"{stack}TimeoutError: {reason}\n"), None, None)
-        print(f"error: {row['method']} {reason}; the same command goes on with the next cell", file=sys.__stderr__)
-
-    def _identity(self, cell: Cell, key: str, reference_key: str) -> dict[str, Any]:
-        """The columns that every cell has, with nothing measured yet."""
-        nothing = float("nan")
-        costs = Costs()
-        return {
-            "key": key, "reference_key": reference_key,
-            "light": cell.light.name, "material": cell.material.name,
-            "view": cell.view.name, "method": cell.method.name,
-            "light_options": cell.light.json, "material_options": cell.material.json,
-            "view_options": cell.view.json, "options": json.dumps(cell.method.options, sort_keys=True),
-            "tuned": "{}", "status": "done", "reason": "", "notes": "[]",
-            **dict.fromkeys([*self.study.metrics, "rms"], nothing),
-            "reference_noise": nothing, "reference_peak_noise": nothing, "reference_target": nothing,
-            "reference_mean": nothing, "reference_samples": 0,
-            "at_noise_floor": False,
-            "n_samples": 0, "stage_seconds": json.dumps(costs.stage_seconds),
-            "update_seconds": json.dumps(costs.update_seconds), "shade_seconds": nothing, "state_bytes": 0,
-            "reference_seconds": nothing,
-            "version": glossbench_version(), "torch": torch.__version__, "device": self.study.device,
-            "processor": processor(), "seed": self.study.seed, "light_key": self.lights.key(cell.light),
-            "code": self._code[:20],
-        }  # fmt: skip
-
-    def _execute(self, cell: Cell, row: dict[str, Any]) -> tuple[dict[str, Any], Image | None, Any]:
+    def _execute(self, cell: Cell, row: dict[str, Any], made: Made) -> tuple[dict[str, Any], Image | None, Any]:
         """What is new in the row of a cell, its image and its pattern."""
-        thread = threading.get_ident()
-        limit = partial(time_limit, self.study.time_limit, lambda: self._give_up(row, thread))
-        material = MATERIALS.create(cell.material.name, cell.material.options)
-        view = VIEWS.create(cell.view.name, cell.view.options)
-        with limit():
-            method = METHODS.create(cell.method.name, cell.method.options)
-            reason = method.supports(material, view.scene())
-        if reason:
-            return {"status": "skipped", "reason": str(reason)}, None, None
-        light = self.lights.get(cell.light)
+        material, view, method = made.material, made.view, made.method
+        with self._guarded(cell, row):
+            reason = reason_of(method.name, method.supports(material, view.scene()))
+            if reason is not None:
+                return {"status": "skipped", "reason": reason}, None, None
+            if is_foreign(type(view)):
+                check_view(view)
+            light = self.lights.get(cell.light)
         if self._stages_light != cell.light:  # stages of another light are of no use any more
             self._stages, self._stages_light = StageCache(self.progress.doing), cell.light
-        truth = self._reference(cell, row["reference_key"], light)
+        truth = self._reference(cell, row, light, made)
         self.progress.doing(cell.method.name)
-        with limit():
+        with self._guarded(cell, row):
+            # What cells share beside the light and the stages; a plug-in may write into it unseen.
+            shared = (truth, view.scene(), material.reflectance()) if self._sources.any_foreign(cell) else ()
+            before = digest_of(*shared)
             columns, image, half_vectors = measure(
                 method, cell.method.tune, self.study.metrics, self._stages, light, material, view, truth
             )
-        if not self.lights.is_intact():
-            raise MethodError(f"{method.name} writes into the light, which others read")
+            notes = [note for each in (material, view, method) for note in notes_of(each.name, each.notes())]
+            made.check_unchanged()
+            if not self.lights.is_intact():
+                raise MethodError(f"{method.name} writes into the light, which others read")
+            if digest_of(*shared) != before:
+                raise MethodError(
+                    f"{method.name} writes into the scene, the material or the reference, which others read"
+                )
         columns |= {
-            "notes": json.dumps([*material.notes(), *view.notes(), *method.notes()]),
+            "notes": json.dumps(notes),
             "reference_noise": truth.noise,
             "reference_peak_noise": float(truth.standard_error.max()),
             "reference_target": self.study.reference.relative_error * truth.mean,
@@ -247,27 +215,37 @@ class _Executor:
         }
         return columns, image, half_vectors
 
-    def _reference(self, cell: Cell, key: str, light: CubeMap) -> Reference:
+    def _reference(self, cell: Cell, row: dict[str, Any], light: CubeMap, made: Made) -> Reference:
         """The truth as it is on disk: float32, so that a resumed run compares with the same numbers."""
+        key = row["reference_key"]
         if self._truth is not None and self._truth[0] == key:
             return self._truth[1]
         if not self.results.has_reference(key) or not (self.use_cache or key in self._fresh):
             options = self.study.reference
             started = time.perf_counter()
+            with ExitStack() as limits:
 
-            def tell(noise: float, n_samples: int) -> None:
-                target = f"{100 * options.relative_error:.2g} %"
-                self.progress.doing(
-                    f"reference: noise {100 * noise:.2g} % (target {target}), {n_samples} samples a pixel"
-                )
+                def begin_round() -> None:
+                    limits.close()  # the limit is for each round, and plug-ins alone: a reference may take long
+                    if self._sources.foreign_inputs(cell):
+                        limits.enter_context(self._guarded(cell, row))
 
-            material = MATERIALS.create(cell.material.name, cell.material.options)
-            view = VIEWS.create(cell.view.name, cell.view.options)
-            self.progress.doing("reference")
-            truth = compute_reference(
-                light, material, view, options.relative_error, options.max_samples, options.seed, tell,
-                self.results.folder / "references" if self.use_cache else None,
-            )  # fmt: skip
+                def tell(noise: float, n_samples: int) -> None:
+                    target = f"{100 * options.relative_error:.2g} %"
+                    self.progress.doing(
+                        f"reference: noise {100 * noise:.2g} % (target {target}), {n_samples} samples a pixel"
+                    )
+                    begin_round()
+
+                self.progress.doing("reference")
+                begin_round()
+                truth = compute_reference(
+                    light, made.material, made.view, options.relative_error, options.max_samples, options.seed, tell,
+                    self.results.folder / "references" if self.use_cache else None,
+                )  # fmt: skip
+                made.check_unchanged()
+            if not torch.isfinite(truth.radiance).all():
+                raise MethodError(f"the reference of {cell.material.name} is not finite everywhere")
             self.results.add_reference(key, truth, time.perf_counter() - started)
             self._fresh.add(key)
         stored = Reference(
@@ -279,17 +257,43 @@ class _Executor:
         self._truth = (key, stored)
         return stored
 
+    def _stored(self, row: dict[str, Any], rerun_failed: bool) -> dict[str, Any] | None:
+        """The row on disk that may stand for this one."""
+        if not self.use_cache or not self.results.has_cell(row["key"]):
+            return None
+        stored = self.results.cell(row["key"])
+        if rerun_failed and stored["status"] == "failed":
+            return None
+        # The key does not tell what an image file was called, nor a seed that nothing took.
+        return stored | {column: row[column] for column in ("light_options", "seed")}
 
-def _failed(reason: str) -> dict[str, Any]:
-    """Columns of a cell that failed; half a character, which a name of a file may hold, is escaped."""
-    return {"status": "failed", "reason": reason.encode("utf-8", "backslashreplace").decode()}
+    @contextmanager
+    def _guarded(self, cell: Cell, row: dict[str, Any]) -> Iterator[None]:
+        """What runs under the time limit; where plug-ins take part, the process is afterwards as it was."""
+        limit = time_limit(self.study.time_limit, partial(self._give_up, row, threading.get_ident()))
+        with Restored("a plug-in") if self._sources.any_foreign(cell) else nullcontext(), limit:
+            yield
 
+    def _give_up(self, row: dict[str, Any], thread: int) -> None:
+        """Write the row of a cell that cannot be interrupted, with where it is, before the process ends."""
+        reason = f"took more than the time limit of {self.study.time_limit:g} s, and could not be interrupted"
+        stack = "".join(traceback.format_stack(sys._current_frames()[thread]))
+        self.results.add_cell(row | failure(f"{stack}TimeoutError: {reason}\n"), None, None)
+        remove_marks(self.results.folder / "begun")
+        print(f"error: {row['method']} {reason}; the same command goes on with the next cell", file=sys.__stderr__)
 
-def _digest(light: CubeMap) -> int:
-    return zlib.crc32(light.faces.cpu().numpy().data)
+    def _row(self, cell: Cell, key: str, reference_key: str) -> dict[str, Any]:
+        study, light_key = self.study, self.lights.key(cell.light)
+        return begin_row(cell, key, reference_key, light_key, study.metrics, study.device, study.seed, self._code)
 
-
-def _stated(registry: Registry[Any], item: Item) -> list[Any]:
-    """All that makes an item what it is: name, options as stated and what they mean, and the source of its class."""
-    meaning = registry.create(item.name, item.options).key()
-    return [item.name, item.spelled(), meaning, source_hash(registry.get(item.name))]
+    def _forget(self) -> None:
+        """Let go of all that cells share: a plug-in may have spoilt it."""
+        self._stages, self._stages_light = StageCache(self.progress.doing), None
+        self._truth = None
+        self.lights.forget()
+        for module in [
+            m for name, m in sys.modules.items() if name.startswith(("glossbench.scene", "glossbench.brdf"))
+        ]:
+            for member in vars(module).values():
+                if callable(getattr(member, "cache_clear", None)):
+                    member.cache_clear()
