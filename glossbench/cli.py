@@ -16,7 +16,18 @@ from glossbench.commands.figure import figure
 from glossbench.commands.info import info
 from glossbench.commands.light import light as describe_light
 from glossbench.errors import InputError
-from glossbench.printing import Pulse, err, out, print_notes, print_table, print_verdicts, say, warn_of_noise
+from glossbench.leftovers import leave
+from glossbench.printing import (
+    Pulse,
+    err,
+    out,
+    print_notes,
+    print_table,
+    print_verdicts,
+    say,
+    warn_of_noise,
+    warn_of_times,
+)
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -34,7 +45,11 @@ def main() -> None:
         app()
     except InputError as error:
         err.print(f"error: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
+        leave(2)
         sys.exit(2)
+    except SystemExit as ended:
+        leave(ended.code)
+        raise
 
 
 def _print_version(wanted: bool) -> None:
@@ -120,6 +135,7 @@ def run(
         raise typer.Exit(130) from None
     print_table(results.cells, list(loaded.metrics))
     warn_of_noise(results.cells)
+    warn_of_times(results.cells)
     print_notes(results.cells)
     print_verdicts(results.claims)
     for page in pages:
@@ -189,7 +205,7 @@ def check_method(
     """Check a method against the contract that every method keeps."""
     from glossbench.contract import check_contract
 
-    outcomes = check_contract(name)
+    outcomes = check_contract(name, lambda text: err.print(f"{text} ...", style="dim", markup=False, highlight=False))
     table = Table("check", "outcome", "measured", box=None, pad_edge=False)
     for outcome in outcomes:
         verdict = {True: "[green]kept[/green]", False: "[red]broken[/red]", None: "not claimed"}[outcome.kept]

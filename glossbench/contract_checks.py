@@ -38,6 +38,7 @@ from glossbench.contract_cases import (
 )
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.synthetic import Constant, SingleTexel, Spots
+from glossbench.plugin_errors import one_line
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.sphere import UnitSphere
 from glossbench.shading import Method, budget_of
@@ -65,11 +66,6 @@ class Outcome:
     measured: str
 
 
-def one_line(error: Exception) -> str:
-    first, *_ = [*str(error).splitlines(), ""]
-    return f"{type(error).__name__}: {first}"
-
-
 def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outcome]]:
     """Decorator: (kept, measured) becomes an Outcome, and an exception a broken one."""
 
@@ -78,7 +74,7 @@ def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outco
         def run(*args: Any) -> Outcome:
             try:
                 return Outcome(name, *function(*args))
-            except Exception as error:  # a plug-in is anyone's code
+            except (Exception, SystemExit) as error:  # a plug-in is anyone's code
                 return Outcome(name, False, one_line(error))
 
         return run

@@ -83,8 +83,12 @@ def _put_device(before: torch.device) -> None:
     torch.set_default_device(None if before == torch.device("cpu") else before)
 
 
+_ENTERED: list[torch.inference_mode] = []  # a mode ends with its object
+
+
 def _put_inference(before: bool) -> None:
-    torch.inference_mode(before).__enter__()
+    _ENTERED.append(torch.inference_mode(before))
+    _ENTERED[-1].__enter__()
 
 
 def _deterministic() -> tuple[bool, bool]:

@@ -3,7 +3,7 @@
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from types import ModuleType
 from typing import Any
@@ -31,19 +31,23 @@ class Restored:
     and generators. Threads that the block starts do not keep the process alive; of a process that it forks, none but
     the first leaves the block.
 
+    Args:
+        by: whose block it is, for messages.
+        but: modules whose members stay as the block leaves them.
+
     Raises:
         MethodError: something cannot be put back.
     """
 
-    def __init__(self, by: str) -> None:
-        self._by = by
+    def __init__(self, by: str, but: tuple[str, ...] = ()) -> None:
+        self._by, self._but = by, but
 
     def __enter__(self) -> None:
         self._pid, self._thread = os.getpid(), threading.get_ident()
         self._recursion = sys.getrecursionlimit()
         self._streams = [(fd, _dup(fd)) for fd in (0, 1, 2)]
         self._files = {name: getattr(sys, name) for name in ("stdin", "stdout", "stderr")}
-        self._members = [(owner, dict(vars(owner))) for owner in _owners()]
+        self._members = [(owner, dict(vars(owner))) for owner in _owners() if owner.__name__ not in self._but]
         self._settings = [(setting, _now(setting)) for setting in (*SETTINGS, *GENERATORS)]
         threading.Thread.start = _daemonic(self._thread, threading.Thread.start)  # type: ignore[method-assign]
 
@@ -64,6 +68,10 @@ class Restored:
     def _members_put_back(self) -> Iterator[str]:
         for owner, before in self._members:
             now = vars(owner)
+            if _is_equal(now, before):
+                continue
+            for name in [n for n in now if n not in before and _is_inherited(owner, n)]:
+                delattr(owner, name)
             for name, value in before.items():
                 if now.get(name, self) is not value and (owner.__name__, name) not in _LEFT:
                     try:
@@ -88,6 +96,19 @@ class Restored:
                     file = open(fd, "r" if fd == 0 else "w", encoding=file.encoding, errors=file.errors,
                                    closefd=False, buffering=1)  # fmt: skip
             setattr(sys, name, file)
+
+
+def _is_equal(now: Mapping[str, Any], before: Mapping[str, Any]) -> bool:
+    """Whether members are the same, at once: most are."""
+    try:
+        return bool(now == before)
+    except Exception:  # of members that do not compare, as tensors
+        return False
+
+
+def _is_inherited(owner: ModuleType | type, name: str) -> bool:
+    """Whether a class has a member from a base, which one of its own would hide."""
+    return isinstance(owner, type) and any(name in vars(base) for base in owner.__mro__[1:])
 
 
 _NOTHING = object()

@@ -131,48 +131,49 @@ class _Executor:
         spelled = key_of([common, sources, items])
         row = self._row(cell, spelled, "")
         attempt = Attempt(self.results.folder / "begun", spelled)
-        image, half_vectors = None, None
+        if (stored := self._stored(row, rerun_failed)) is not None:
+            return stored
         try:
-            if (stored := self._stored(row, rerun_failed)) is not None:
-                return stored
             if attempt.is_hopeless and not self.results.has_cell(spelled):
-                row |= failure(f"{attempt.told}; --rerun-failed tries again")
-                self.results.add_cell(row, None, None)
-                return row
-            with self._guarded(cell, row) if is_foreign_cell else nullcontext():
-                if is_foreign_cell:
-                    attempt.begin()
-                made = Made.of(cell)
-                light_key = self.lights.key(cell.light) or self.lights.get(cell.light).key
-            material, view, method = (
-                [*items[k], text] for k, text in zip(("material", "view", "method"), made.keys, strict=True)
-            )
+                return self._written(row | failure(f"{attempt.told}; --rerun-failed tries again"))
+            try:
+                with self._guarded(cell, row) if is_foreign_cell else nullcontext():
+                    if is_foreign_cell:
+                        attempt.begin()
+                    made = Made.of(cell)
+                    light_key = self.lights.key(cell.light) or self.lights.get(cell.light).key
+            except BaseException as error:
+                if isinstance(error, InputError) and not is_foreign_cell:  # a file that was there before
+                    raise
+                return self._failed(row, error)
+            stated = ([*items[k], key] for k, key in zip(("material", "view", "method"), made.keys, strict=True))
+            material, view, method = stated
             reference_key = key_of([common, light_key, *(sources[place] for place in PLACES), material, view])
             row = self._row(cell, key_of([reference_key, method, sources["method"], sources["metrics"]]), reference_key)
             if (stored := self._stored(row, rerun_failed)) is not None:
                 return stored
             attempt.begin()
-            done, image, half_vectors = self._execute(cell, row, made)
-            row |= done
-        except (KeyboardInterrupt, Changed):
-            attempt.end()
-            raise
-        except BaseException as error:  # a plug-in may leave by SystemExit, too
-            self._forget()
-            if self.fail_fast or (isinstance(error, InputError) and not is_foreign_cell and not row["reference_key"]):
-                attempt.end()
-                if not isinstance(error, Exception):
-                    raise MethodError(f"{cell.method.name} raised {error!r}") from error
-                raise
-            row |= failure(traceback.format_exc())
-            image, half_vectors = None, None
-        try:
-            self.results.add_cell(row, image, half_vectors)
-            if row["key"] != spelled:
-                self.results.remove_cell(spelled)
+            try:
+                columns, image, half_vectors = self._execute(cell, row, made)
+            except BaseException as error:
+                return self._failed(row, error)
+            self.results.remove_cell(spelled)
+            return self._written(row | columns, image, half_vectors)
         finally:
             attempt.end()
+
+    def _written(self, row: dict[str, Any], image: Image | None = None, half_vectors: Any = None) -> dict[str, Any]:
+        self.results.add_cell(row, image, half_vectors)
         return row
+
+    def _failed(self, row: dict[str, Any], error: BaseException) -> dict[str, Any]:
+        """The row of a cell that raised, written; some of what is raised ends the run."""
+        self._forget()
+        if isinstance(error, KeyboardInterrupt | Changed) or (self.fail_fast and isinstance(error, Exception)):
+            raise error
+        if self.fail_fast:
+            raise MethodError(f"{row['method']} raised {error!r}") from error
+        return self._written(row | failure("".join(traceback.format_exception(error))))
 
     def _execute(self, cell: Cell, row: dict[str, Any], made: Made) -> tuple[dict[str, Any], Image | None, Any]:
         """What is new in the row of a cell, its image and its pattern."""

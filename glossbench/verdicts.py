@@ -138,7 +138,10 @@ class _Table:
         first, second = picked
         shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in picked))
         apart = {key for side in sides_of(claim).values() for key in options_of(side)}
-        usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared - apart]
+        budgets = {_budget(row) for rows in picked for row in rows}
+        own = [*budgets] if len(budgets) == 1 else [BUDGET]
+        equal = own if "" not in budgets and not budgets & apart else []
+        usual = [key for key in dict.fromkeys([*claim.where, *equal]) if key == BUDGET or key in shared - apart]
         keys = claim.paired_by or usual
         varying = [_varying(row["options"] for row in rows) for rows in picked]
         stated = {place for side in sides_of(claim).values() for place in places_of(side)}
@@ -151,11 +154,13 @@ class _Table:
             notes["cells without a partner"] += not found
             for b in found:
                 sides = zip((a, b), varying, strict=True)
-                own = [_shown(row, [key for key in differing if key not in keys]) for row, differing in sides]
-                own = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), own, strict=True)]
+                told = [_shown(row, [key for key in differing if key not in keys]) for row, differing in sides]
+                told = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), told, strict=True)]
                 if a.get("n_samples") != b.get("n_samples"):  # a pattern may not meet the budget
-                    own = [f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(own, (a, b), strict=True)]
-                against = " against ".join(own) if any(own) else ""
+                    told = [
+                        f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(told, (a, b), strict=True)
+                    ]
+                against = " against ".join(told) if any(told) else ""
                 yield a, b, _listed([self._place(a, places), _shown(a, keys), against])
 
     def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
@@ -190,6 +195,9 @@ class _Table:
         return _listed(parts)
 
 
+BUDGET = ""  # stands among the names of pairing options for the budget of either side, where their names differ
+
+
 def _spelled(side: Side) -> str:
     told = " ".join(f"{key}={as_text(value)}" for key, value in (options_of(side) | places_of(side)).items())
     return f"{method_of(side)} ({told})" if told else method_of(side)
@@ -200,7 +208,7 @@ def _listed(parts: list[str]) -> str:
 
 
 def _shown(row: Row, keys: Collection[str]) -> str:
-    return " ".join(f"{key}={as_text(row['options'].get(key))}" for key in keys)
+    return " ".join(f"{key}={as_text(row['options'].get(key))}" for key in keys if key != BUDGET)
 
 
 def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -215,7 +223,14 @@ def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
 def _key(row: Row, options: Collection[str], places: Collection[str] = PLACES) -> str:
     """What a cell is about, and some of its method's options, as text."""
     about = [(row[place], row[f"{place}_options"]) for place in places]
-    return json.dumps([about, [row["options"].get(key) for key in options]], sort_keys=True)
+    values = [row["options"].get(_budget(row) if key == BUDGET else key) for key in options]
+    return json.dumps([about, values], sort_keys=True)
+
+
+def _budget(row: Row) -> str:
+    """The option that is the budget of a cell's method; rows of before say nothing of it."""
+    name: str = row.get("budget", "samples" if "samples" in row["options"] else "")
+    return name
 
 
 def _curves(rows: list[Row], over: str) -> list[tuple[list[Row], str]]:

@@ -137,8 +137,11 @@ def _lobe(path: Path, digest: str, format_: Format, known_only: bool, device: st
     """The lobe of a file, and how many of its values are negative."""
     try:
         table, n_negative = READERS[format_](path, device)
+        stat = path.stat()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if _digest(path, stat.st_size, stat.st_mtime_ns) != digest:
+        raise InputError(f"{path}: was changed while it was read; run it again")
     return measured_lobe(table, known_only, device), n_negative
 
 

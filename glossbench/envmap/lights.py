@@ -19,6 +19,7 @@ from glossbench.envmap.projections import Projection, guess_projection, to_cubem
 from glossbench.errors import InputError
 from glossbench.options import Options, Resolution
 from glossbench.registry import Registry
+from glossbench.unchanged import unchanged
 
 
 class Light(Options):
@@ -66,7 +67,8 @@ class FileLight(Light):
 
     def cubemap(self) -> CubeMap:
         """The file's radiance as a cube map, its energy kept."""
-        return self._cubemap(self.image())
+        with unchanged(locate(self.file)):  # its key reads the file again
+            return self._cubemap(self.image())
 
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
         """What the file holds, and how it was understood."""
