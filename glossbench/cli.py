@@ -209,7 +209,11 @@ def check_method(
     table = Table("check", "outcome", "measured", box=None, pad_edge=False)
     for outcome in outcomes:
         verdict = {True: "[green]kept[/green]", False: "[red]broken[/red]", None: "not claimed"}[outcome.kept]
-        table.add_row(outcome.check, verdict, escape(outcome.measured))
+        table.add_row(
+            outcome.check,
+            verdict,
+            escape(f"{outcome.measured} ({outcome.where})" if outcome.where else outcome.measured),
+        )
     out.print(table)
     if any(outcome.kept is False for outcome in outcomes):
         raise typer.Exit(1)

@@ -6,7 +6,7 @@ here. A method that raises breaks the check in which it does.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import wraps
 from math import log
 from typing import Any
@@ -38,7 +38,7 @@ from glossbench.contract_cases import (
 )
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.synthetic import Constant, SingleTexel, Spots
-from glossbench.plugin_errors import one_line
+from glossbench.plugin_errors import one_line, place_of
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.sphere import UnitSphere
 from glossbench.shading import Method, budget_of
@@ -59,11 +59,13 @@ class Outcome:
         check: its name.
         kept: None where nothing is claimed or the check does not apply.
         measured: the number and its bound, in one line.
+        where: FILE:LINE of the plug-in, where it raised.
     """
 
     check: str
     kept: bool | None
     measured: str
+    where: str = field(default="", compare=False)
 
 
 def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outcome]]:
@@ -75,7 +77,7 @@ def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outco
             try:
                 return Outcome(name, *function(*args))
             except (Exception, SystemExit) as error:  # a plug-in is anyone's code
-                return Outcome(name, False, one_line(error))
+                return Outcome(name, False, one_line(error), place_of(error))
 
         return run
 

@@ -1,4 +1,4 @@
-"""What a plug-in raised, in one line."""
+"""What a plug-in raised, in one line, and where."""
 
 import os
 import sysconfig
@@ -7,12 +7,16 @@ from pathlib import Path
 
 
 def one_line(error: BaseException) -> str:
-    """What was raised, and the line of the plug-in's file in which it was, or from which it came."""
+    """What was raised."""
     first, *_ = [*str(error).splitlines(), ""]
+    return f"{type(error).__name__}: {first}"
+
+
+def place_of(error: BaseException) -> str:
+    """FILE:LINE of the plug-in in which it was raised, or from which it came; empty where no plug-in took part."""
     core = str(Path(__file__).parent)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith(core)]
-    where = next((f" ({f.filename}:{f.lineno})" for f in reversed(frames) if _is_of_plugin(f.filename)), "")
-    return f"{type(error).__name__}: {first}{where}"
+    return next((f"{f.filename}:{f.lineno}" for f in reversed(frames) if _is_of_plugin(f.filename)), "")
 
 
 def _is_of_plugin(file: str) -> bool:

@@ -60,7 +60,7 @@ def test_a_failed_check_names_file_and_line_of_the_plug_in_and_each_check_is_tol
 
     [furnace, *others] = check_contract("breaks_here_plugin", doing.append)
 
-    assert furnace.measured == f"KeyError: 7 ({tmp_path}/breaks_here_plugin.py:5)"
+    assert (furnace.measured, furnace.where) == ("KeyError: 7", f"{tmp_path}/breaks_here_plugin.py:5")
     assert doing[0] == "breaks_here: furnace"
     assert len(doing) == 1 + len(others)
 
