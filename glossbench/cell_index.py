@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from glossbench.claims import PLACES, agrees, called
+from glossbench.claims import BUDGET, PLACES, agrees, called
 
 Mask = NDArray[np.bool_]
 Named = tuple[str, Mapping[str, Any]]  # a name and options
@@ -103,13 +103,22 @@ class CellIndex:
             fits = fits & each
         return fits
 
-    def alike(self, kinds: Sequence[str], options: Sequence[str]) -> NDArray[np.intp]:
-        """A number for each cell, equal where cells have the same items of some kinds and options of their methods."""
+    def alike(
+        self, kinds: Sequence[str], options: Sequence[str], budgets: Mapping[str, str] | None = None
+    ) -> NDArray[np.intp]:
+        """A number for each cell, equal where cells have the same items of some kinds and options of their methods.
+
+        Args:
+            options: of the method; BUDGET is the budget of each method, "material.alpha" a parameter of the material.
+            budgets: by method the option that is its budget.
+        """
         number = np.zeros(len(self._all), np.intp)
         columns = [(self.codes[kind], self._columns[kind].n) for kind in kinds]
         for option in options:
-            column = self._columns["method"].column(option)
-            columns.append((column.codes[self.codes["method"]] + 1, len(column.distinct) + 1))
+            of, _, own = option.partition(".")
+            kind, own = (of, own) if of in PLACES else ("method", option)
+            column = self._columns[kind].budget(budgets or {}) if option == BUDGET else self._columns[kind].column(own)
+            columns.append((column.codes[self.codes[kind]] + 1, len(column.distinct) + 1))
         for codes, n in columns:
             number = number * n + codes
         return number
@@ -158,6 +167,9 @@ class _Columns:
     def values(self, option: str, positions: Iterable[int]) -> list[Any]:
         column = self.column(option)
         return [column.distinct[c] for c in dict.fromkeys(column.codes[i] for i in positions) if c >= 0]
+
+    def budget(self, budgets: Mapping[str, str]) -> "_Column":
+        return _Column([options.get(budgets.get(name, ""), _ABSENT) for name, options in self._items])
 
     def column(self, option: str) -> "_Column":
         if option not in self._made:

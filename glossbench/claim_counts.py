@@ -6,10 +6,12 @@ import numpy as np
 
 from glossbench.cell_index import CellIndex, Mask
 from glossbench.claims import (
+    BUDGET,
     Claim,
     LowerClaim,
     RatioClaim,
     SlopeClaim,
+    meanings,
     method_of,
     methods_of,
     options_of,
@@ -17,7 +19,8 @@ from glossbench.claims import (
     places_of,
     sides_of,
 )
-from glossbench.study_claims import claim_index
+from glossbench.shading import METHODS
+from glossbench.study_claims import claim_index, places_in
 
 if TYPE_CHECKING:
     from glossbench.study import Study
@@ -37,10 +40,13 @@ def counts(study: "Study") -> list[Count]:
     options: dict[str, set[str]] = {}
     for item in study.methods:
         options.setdefault(item.name, set()).update(item.options)
-    return [_count(claim, index, kept, options) for claim in study.claims]
+    parameters = {place: {key for item in items for key in item.options} for place, items in places_in(study).items()}
+    return [_count(claim, index, kept, options, parameters) for claim in study.claims]
 
 
-def _count(claim: Claim, index: CellIndex, kept: Mask, options: dict[str, set[str]]) -> Count:
+def _count(
+    claim: Claim, index: CellIndex, kept: Mask, options: dict[str, set[str]], parameters: dict[str, set[str]]
+) -> Count:
     of_methods = set().union(*(options[name] for name in methods_of(claim)))
     within = kept & index.within(claim.where, of_methods)
     sides = []
@@ -50,15 +56,18 @@ def _count(claim: Claim, index: CellIndex, kept: Mask, options: dict[str, set[st
     match claim:
         case LowerClaim() | RatioClaim():
             shared = set.intersection(*(options[method_of(side)] for side in sides_of(claim).values()))
-            keys, places = pairing(claim, shared)
-            alike = index.alike(places, keys)
+            budgets = {name: budget[0] if (budget := METHODS.get(name).contract.budget) else "" for name in options}
+            keys, places = pairing(claim, shared, {budgets[method_of(side)] for side in sides_of(claim).values()})
+            alike = index.alike(places, keys, budgets)
             (first, n_first), (second, n_second) = (np.unique(alike[side], return_counts=True) for side in sides)
             _, i, j = np.intersect1d(first, second, assume_unique=True, return_indices=True)
             n = int((n_first[i] * n_second[j]).sum())
-            equal = ", ".join([*places, *keys])
+            equal = ", ".join([*places, *("budget" if key == BUDGET else key for key in keys)])
             return Count(n, "pair", "" if n else f"no cell of one side has a partner of the same {equal}")
         case SlopeClaim():
-            n_values = len(np.unique(index.alike((), [claim.over])[sides[0]]))
+            [(of, option), *_] = meanings(claim.over, {"method": options[method_of(claim.slope)], **parameters})
+            over = option if of == "method" else f"{of}.{option}"
+            n_values = len(np.unique(index.alike((), [over])[sides[0]]))
             few = f"a slope needs 3 values of {claim.over}, and has {n_values}"
             return Count(len(sides[0]), "cell", few if n_values < 3 else "")
         case _:

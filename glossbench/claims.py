@@ -193,14 +193,24 @@ def methods_of(claim: Claim) -> set[str]:
     return {method_of(side) for side in sides_of(claim).values()}
 
 
-def pairing(claim: LowerClaim | RatioClaim, shared: Collection[str]) -> tuple[list[str], list[str]]:
+BUDGET = ""  # stands among the names of pairing options for the budget of either side, where their names differ
+
+
+def pairing(
+    claim: LowerClaim | RatioClaim, shared: Collection[str], budgets: Collection[str]
+) -> tuple[list[str], list[str]]:
     """The options and the kinds of place in which cells of both sides must be equal to be compared.
 
     Args:
         shared: the options that both methods have.
+        budgets: the options that are the budgets of both methods, each once; "" of a method that has none.
     """
     apart = {key for side in sides_of(claim).values() for key in options_of(side)}
-    usual = [key for key in dict.fromkeys([*claim.where, "samples"]) if key in shared and key not in apart]
+    own = [*budgets] if len(budgets) == 1 else [BUDGET]
+    equal = own if "" not in budgets and not apart.intersection(budgets) else []
+    usual = [
+        key for key in dict.fromkeys([*claim.where, *equal]) if key == BUDGET or (key in shared and key not in apart)
+    ]
     stated = {place for side in sides_of(claim).values() for place in places_of(side)}
     return claim.paired_by or usual, [place for place in PLACES if place not in stated]
 

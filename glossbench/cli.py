@@ -23,6 +23,7 @@ from glossbench.commands.info import info
 from glossbench.commands.light import light as describe_light
 from glossbench.consoles import one_line, open_streams
 from glossbench.errors import InputError
+from glossbench.leftovers import leave
 from glossbench.printing import (
     Pulse,
     err,
@@ -36,6 +37,7 @@ from glossbench.printing import (
     say,
     say_lines,
     warn_of_noise,
+    warn_of_times,
 )
 
 if TYPE_CHECKING:
@@ -81,12 +83,16 @@ def main() -> None:
         if error.errno not in (errno.ENOSPC, errno.EIO):  # of the file that standard output goes to
             raise
         _end(1, f"error: output cannot be written: {error.strerror}")
+    except SystemExit as ended:
+        leave(ended.code)
+        raise
     finally:
         logger.removeHandler(_printed)
 
 
 def _end(code: int, line: str) -> NoReturn:
     err.print(one_line(line), style="red", soft_wrap=True)
+    leave(code)
     sys.exit(code)
 
 
@@ -188,6 +194,7 @@ def run(
         raise typer.Exit(130) from None
     print_table(results.cells, list(loaded.metrics))
     warn_of_noise(results.cells)
+    warn_of_times(results.cells)
     print_notes(results.cells)
     print_verdicts(results.claims)
     is_whole = _write_reports(results.folder)
@@ -253,11 +260,12 @@ def check_method(
     """Check a method against the contract that every method keeps."""
     from glossbench.contract import check_contract
 
-    outcomes = check_contract(name)
+    outcomes = check_contract(name, lambda text: err.print(f"{text} ...", style="dim"))
     table = Table("check", "outcome", "measured", box=None, pad_edge=False)
     for outcome in outcomes:
         verdict = {True: Text("kept", "green"), False: Text("broken", "red"), None: Text("not claimed")}[outcome.kept]
-        table.add_row(outcome.check, verdict, outcome.measured)
+        measured = f"{outcome.measured} ({outcome.where})" if outcome.where else outcome.measured
+        table.add_row(outcome.check, verdict, measured)
     out.print(table)
     if any(outcome.kept is False for outcome in outcomes):
         raise typer.Exit(1)

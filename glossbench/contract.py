@@ -15,10 +15,11 @@ from glossbench.contract_checks import (
     check_shape,
     check_supports,
     check_turns,
-    one_line,
 )
 from glossbench.errors import InputError, nearest
+from glossbench.plugin_errors import one_line
 from glossbench.plugins import NoSuchModule, import_plugin
+from glossbench.process_state import Restored, guarded
 from glossbench.shading import METHODS, Method
 from glossbench.surroundings import settled
 
@@ -37,8 +38,11 @@ CHECKS: tuple[Callable[..., Outcome], ...] = (
 
 
 @settled()
-def check_contract(name: str) -> list[Outcome]:
+def check_contract(name: str, tell: Callable[[str], None] = lambda text: None) -> list[Outcome]:
     """All checks of a registered method, or of each method that an importable module registers.
+
+    Args:
+        tell: which check is under way.
 
     Raises:
         InputError: no such method or module, the module registers none, or an option has no default.
@@ -48,7 +52,9 @@ def check_contract(name: str) -> list[Outcome]:
     for method in methods:
         prefix = f"{method.name}: " if len(methods) > 1 else ""
         for check in CHECKS:
-            outcome = check(method)
+            tell(f"{method.name}: {check.__name__.removeprefix('check_').replace('_', ' ')}")
+            with guarded(type(method)):
+                outcome = check(method)
             outcomes.append(replace(outcome, check=prefix + outcome.check))
     return outcomes
 
@@ -62,11 +68,12 @@ def _methods_of(name: str) -> list[Method]:
     if name in METHODS.names():
         return [as_checked(name)]
     try:
-        import_plugin(name)
+        with Restored(f"plugin {name!r}"):
+            import_plugin(name)
     except NoSuchModule as error:
         where = f": {error}" if "." in name else nearest(name, METHODS.names())
         raise InputError(f"unknown method {name!r}, nor a module{where}") from None
-    except Exception as error:  # a plug-in is anyone's code
+    except (Exception, SystemExit) as error:  # a plug-in is anyone's code
         told = str(error) if isinstance(error, InputError) else one_line(error)
         raise InputError(f"module {name!r}: {told}") from error
     classes = [METHODS.get(n) for n in METHODS.names()]

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from math import pi
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -22,11 +22,10 @@ from glossbench.envmap.cubemap import CubeMap, face_coordinates, texel_direction
 from glossbench.envmap.synthetic import Spots
 from glossbench.errors import InputError
 from glossbench.ground_truth import Reference, compute_reference
-from glossbench.options import option_names
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading import INPUTS, Method, dependencies, stages_of
-from glossbench.stage_cache import Recorder
+from glossbench.shading import INPUTS, Method, budget_of, prepare
+from glossbench.stage_cache import StageCache
 
 FURNACE_MATERIALS: tuple[Material, ...] = (
     Kurt(m=(0.1, 0.1)),
@@ -102,22 +101,15 @@ class Shader:
         kept: stages of a method under other lights and of other materials, to be shared; by default none.
     """
 
-    def __init__(self, method: Method, light: CubeMap, material: Material, kept: dict[Any, Any] | None = None) -> None:
+    def __init__(self, method: Method, light: CubeMap, material: Material, kept: StageCache | None = None) -> None:
         self.method, self.light, self.material = method, light, material
-        self.kept: dict[Any, Any] = {} if kept is None else kept
+        self.kept = StageCache() if kept is None else kept
 
     def __call__(self, points: ShadingPoints) -> Tensor:
         view = GivenPoints(points)
         inputs = dict(zip(INPUTS, (self.light, self.material, view.scene(), view), strict=True))
-        values: dict[str, Any] = {**inputs, "points": points}
-        stages = stages_of(type(self.method))
-        depends = dependencies(stages)
-        for name, stage in stages.items():
-            of = [inputs[n] for n in INPUTS if n in depends[name]]
-            key = (name, *map(id, of))
-            if key not in self.kept:  # with what it is of: an id is another object's when the first is gone
-                self.kept[key] = stage.function(Recorder(self.method), **{n: values[n] for n in stage.needs}), of
-            values[name], _ = self.kept[key]
+        prepared = prepare(self.method, inputs, self.kept)
+        values = {**inputs, "points": points, **{name: each.value for name, each in prepared.items()}}
         wanted = inspect.signature(self.method.shade).parameters
         return self.method.shade(**{name: values[name] for name in wanted})
 
@@ -218,7 +210,7 @@ def at_its_best(method: Method) -> Method:
 def with_all_budget(method: Method) -> Method:
     """The method with the largest budget of its contract, or as it is where it has no budget."""
     budget = method.contract.budget
-    if budget is None or budget[0] not in option_names(type(method)):
+    if budget is None or not budget_of(type(method)):
         return method
     return replace(method, **{budget[0]: max(budget[1])})
 

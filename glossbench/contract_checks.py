@@ -6,7 +6,7 @@ here. A method that raises breaks the check in which it does.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import wraps
 from math import log
 from typing import Any
@@ -38,10 +38,11 @@ from glossbench.contract_cases import (
 )
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.synthetic import Constant, SingleTexel, Spots
-from glossbench.options import option_names
+from glossbench.plugin_errors import one_line, place_of
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading import Method
+from glossbench.shading import Method, budget_of
+from glossbench.stage_cache import StageCache
 
 Measured = tuple[bool | None, str]  # kept and measured of an Outcome
 
@@ -58,16 +59,13 @@ class Outcome:
         check: its name.
         kept: None where nothing is claimed or the check does not apply.
         measured: the number and its bound, in one line.
+        where: FILE:LINE of the plug-in, where it raised.
     """
 
     check: str
     kept: bool | None
     measured: str
-
-
-def one_line(error: Exception) -> str:
-    first, *_ = [*str(error).splitlines(), ""]
-    return f"{type(error).__name__}: {first}"
+    where: str = field(default="", compare=False)
 
 
 def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outcome]]:
@@ -78,8 +76,8 @@ def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outco
         def run(*args: Any) -> Outcome:
             try:
                 return Outcome(name, *function(*args))
-            except Exception as error:  # a plug-in is anyone's code
-                return Outcome(name, False, one_line(error))
+            except (Exception, SystemExit) as error:  # a plug-in is anyone's code
+                return Outcome(name, False, one_line(error), place_of(error))
 
         return run
 
@@ -94,7 +92,7 @@ def check_furnace(method: Method) -> Measured:
         general_points(),
         Constant(radiance=(2.5, 2.5, 2.5)).cubemap(),
     )
-    errors, kept = {}, dict[Any, Any]()
+    errors, kept = {}, StageCache()
     for material in supported_of(method, FURNACE_MATERIALS):
         expected = 2.5 * material.albedo(points.wo_local())
         errors[label_of(material)] = _relative(Shader(accurate, light, material, kept)(points), expected)
@@ -112,7 +110,7 @@ def check_linear(method: Method) -> Measured:
     if not method.contract.linear:
         return None, "not claimed"
     material, points = general_material(method), general_points()
-    one, two, kept = spots(3), spots(4), dict[Any, Any]()
+    one, two, kept = spots(3), spots(4), StageCache()
     a, b, total, triple = (
         Shader(method, CubeMap(faces, key), material, kept)(points).double()
         for key, faces in (
@@ -135,7 +133,7 @@ def check_turns(method: Method) -> Measured:
         general_points(),
         spots(3),
     )
-    kept = dict[Any, Any]()
+    kept = StageCache()
     image = Shader(accurate, light, material, kept)(points)
     changes = {}
     for axis in range(3):
@@ -155,7 +153,7 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
     if contract.slope is None or contract.budget is None:
         return None, "not claimed"
     option, values = contract.budget
-    if option not in option_names(type(method)):
+    if not budget_of(type(method)):
         return False, f"the contract's budget is {option!r}, which is no option"
     truth = truth or truth_for(method)
     accurate = at_its_best(method)
@@ -185,7 +183,7 @@ def check_finite(method: Method) -> Measured:
         "one lit texel": SingleTexel(resolution=16, radiance=(1e5, 1e5, 1e5)).cubemap(),
         "contrast 1e5": Spots(resolution=16, contrast=1e5).cubemap(),
     }
-    points, n, kept = hard_points(), 0, dict[Any, Any]()
+    points, n, kept = hard_points(), 0, StageCache()
     for label, light in lights.items():
         for material in supported_of(method, HARD_MATERIALS):
             image = Shader(method, light, material, kept)(points)
@@ -258,7 +256,7 @@ def check_pure(method: Method) -> Measured:
 def check_supports(method: Method) -> Measured:
     """`supports` gives None or a reason for any material and scene; what it supports, it can shade."""
     materials = [*registered_materials(), *FURNACE_MATERIALS, *GENERAL_MATERIALS, *HARD_MATERIALS]
-    reasons, n, light, kept = [], 0, spots(3), dict[Any, Any]()
+    reasons, n, light, kept = [], 0, spots(3), StageCache()
     for scene in (UnitSphere(), UnknownScene()):
         for material in materials:
             reason = method.supports(material, scene)

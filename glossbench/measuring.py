@@ -13,8 +13,10 @@ from glossbench.envmap.cubemap import CubeMap
 from glossbench.ground_truth import Reference
 from glossbench.items import Tune
 from glossbench.metrics import METRICS
+from glossbench.plugin_outputs import number_of, pattern_of
+from glossbench.process_state import guarded
 from glossbench.scene.points import View
-from glossbench.shading import Image, Method, shade
+from glossbench.shading import Image, Method, budget_of, shade
 from glossbench.stage_cache import StageCache
 from glossbench.tuning import tune_option
 
@@ -39,33 +41,46 @@ def measure(
         cache: stages that other cells left and may use.
 
     Raises:
-        MethodError: as `shade`.
+        MethodError: as `shade`; or a metric is no number, or the method wrote into a stage that others read.
     """
     tuned: dict[str, float] = {}
     recorded = replace(truth, radiance=view.recorded(truth.radiance))
 
     def metric_of(name: str, image: Image) -> float:
-        return METRICS.create(name, {})(replace(image, radiance=view.recorded(image.radiance)), recorded)
+        with guarded(METRICS.get(name)):
+            value = METRICS.create(name, {})(replace(image, radiance=view.recorded(image.radiance)), recorded)
+        return number_of(name, value)
+
+    def shaded(candidate: Method, time_it: bool) -> Image:
+        with guarded(type(candidate)):
+            return shade(candidate, light, material, view, cache=cache, time_it=time_it)
 
     if tune is not None:
         least = tune.metric
 
         def error(value: float) -> float:
             candidate = replace(method, **{tune.option: value})
-            return metric_of(least, shade(candidate, light, material, view, cache=cache, time_it=False))
+            return metric_of(least, shaded(candidate, time_it=False))
 
         tuned = {tune.option: tune_option(tune, error)}
         method = replace(method, **tuned)
-    image = shade(method, light, material, view, cache=cache)
-    half_vectors = method.half_vectors(material)
+    image = shaded(method, time_it=True)
+    with guarded(type(method)):
+        half_vectors = pattern_of(method.name, method.half_vectors(material))
+    cache.check(method.name)
     columns = {
         "tuned": json.dumps(tuned),
         "options": json.dumps(method.as_dict(), sort_keys=True),
         **{name: metric_of(name, image) for name in dict.fromkeys([*metrics, "rms"])},
-        "n_samples": int(image.costs.n_samples),
+        "n_samples": image.costs.n_samples,
+        "budget": budget_of(type(method)),
         "stage_seconds": json.dumps(image.costs.stage_seconds),
         "update_seconds": json.dumps(image.costs.update_seconds),
-        "shade_seconds": image.costs.shade_seconds,
+        "shade_seconds": image.costs.shade.median,
+        "shade_seconds_low": image.costs.shade.low,
+        "shade_seconds_high": image.costs.shade.high,
+        "shade_runs": image.costs.shade.runs,
+        "busy": image.costs.shade.busy,
         "state_bytes": image.costs.state_bytes,
     }
-    return Measured(columns, image, None if half_vectors is None else half_vectors.cpu().numpy())
+    return Measured(columns, image, half_vectors)

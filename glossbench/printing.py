@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from glossbench.items import Cell
 
+BUSY = 0.1  # share of the time that other work took; times are then a tenth too long or more
 out = Console()
 err = Console(stderr=True)
 PULSE = 30.0  # seconds between two lines
@@ -168,3 +169,17 @@ def warn_of_noise(cells: "pandas.DataFrame") -> None:
             f"the mean for {100 * wanted:.2g} %, at reference.max_samples",
             style="yellow", soft_wrap=True,
         )  # fmt: skip
+
+
+def warn_of_times(cells: "pandas.DataFrame") -> None:
+    """A line where times do not compare: the machine was busy, or cells were timed on two processors."""
+    done = cells[cells["status"] == "done"]
+    busy = int((done["busy"] > BUSY).sum())
+    if busy:
+        text = f"{busy} of {len(done)} cells were timed while other programs took the processor for "
+        text += f"{100 * done['busy'].max():.0f} % of the time at worst: their times are too long"
+        err.print(text, style="yellow", soft_wrap=True)
+    processors = list(dict.fromkeys(done["processor"]))
+    if len(processors) > 1:
+        text = f"cells were timed on {len(processors)} processors, whose times do not compare: {', '.join(processors)}"
+        err.print(text, style="yellow", soft_wrap=True)

@@ -6,6 +6,7 @@ claims.json         the verdicts
 provenance.json     versions, hardware, times
 glossbench.json     which files here are this program's, and the keys of the study's cells: there from the start
 cells/KEY.json      the row of one cell, with checksums of itself and of its files; it says that the cell is done
+begun/KEY.begun     a mark while a cell is under way: how often the process ended in it
 images/KEY.exr      its image; KEY_half_vectors.npy the pattern and KEY_state_NAME.exr pictures of its state, where a
                     method has them; KEY_flip_N.npz a FLIP map, once a page was made, of N x N pixels averaged
 references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels, KEY.json its numbers
@@ -68,13 +69,18 @@ class Results:
         return results
 
     def create(self) -> None:
-        """Make the folders, or say why they cannot be made; remove what a killed run left half-written."""
+        """Make the folders, or say why they cannot be made; remove what a killed run left half-written.
+
+        Raises:
+            InputError: the folder cannot be written, or holds files of somebody else that would be lost.
+        """
+        self.disk.manifest.check_foreign(self.folder, SUMMARY)
         self.disk.create()
 
     # A run, from its beginning to its end.
 
     def begin(self, study: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], provenance: Mapping[str, Any]) -> str:
-        """Make the folder of a study and of the cells that it will have; says what of a fuller one stays.
+        """Note in the folder a study and the cells that it will have; says what of a fuller one stays.
 
         A study that has all that an earlier one of this folder compares takes its place. One that is a part of the
         earlier one adds to that, which stays.
@@ -83,7 +89,6 @@ class Results:
             InputError: the folder holds results of another study, or files of somebody else; nothing is written.
         """
         old, cells, before = self.disk.manifest, tuple(map(entry, rows)), self._study_before()
-        old.check_foreign(self.folder, SUMMARY)
         missing = old.missing(before, study, cells)
         is_part = bool(missing) and before is not None and all(cell in old.cells for cell in cells)
         if missing and not is_part:
@@ -91,7 +96,6 @@ class Results:
                 f"{self.folder} holds results that this run does not have, and that would be lost: {listed(missing)}; "
                 "name another folder by -o"
             )
-        self.create()
         if is_part:
             return f"{self.folder} keeps what else it has of this study: {listed(missing)}"
         if cells != old.cells or study != before:
@@ -133,6 +137,10 @@ class Results:
     def has_cell(self, key: str) -> bool:
         """Whether this cell is done, skipped or failed."""
         return self.disk.path(f"cells/{key}.json").is_file()
+
+    def remove_cell(self, key: str) -> None:
+        """Forget that a cell is done."""
+        self.disk.path(f"cells/{key}.json").unlink(missing_ok=True)
 
     def cell(self, key: str) -> dict[str, Any]:
         """The row of one cell; ValueError where its file is damaged."""

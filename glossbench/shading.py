@@ -17,7 +17,8 @@ from glossbench.brdf.material import Material
 from glossbench.costs import Costs, timed
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.errors import InputError, MethodError, check_call
-from glossbench.options import Options
+from glossbench.options import Options, option_names
+from glossbench.plugin_outputs import count_of, pictures_of, reason_of
 from glossbench.registry import Registry
 from glossbench.scene.points import ShadingPoints, View, image_of
 from glossbench.stage_cache import Prepared, StageCache, unwritten
@@ -50,7 +51,8 @@ class Contract:
         furnace: largest RMS error over the mean under constant light, at the largest budget, of any material.
         linear: the image of a sum of lights is the sum of their images.
         turns: largest RMS change over the mean when light and surface turn by 90 degrees, with all budget.
-        budget: the option that buys accuracy, and values to try; a method without that option has none.
+        budget: the option that buys accuracy, and values to try; None where there is none. Claims and plots compare
+            methods at equal budgets, whatever their options are called.
         slope: largest fitted slope of log RMS over log samples; None where no convergence is claimed.
         options: under which furnace and slope hold, where the defaults cut off what no budget brings back.
         quick: options of all checks where the defaults take minutes.
@@ -59,7 +61,7 @@ class Contract:
     furnace: float = 0.02
     linear: bool = True
     turns: float = 1e-5  # measured 2e-6 where only rounding is left
-    budget: tuple[str, tuple[int, ...]] | None = ("samples", (16, 64, 256, 1024))
+    budget: tuple[str, tuple[int, ...]] | None = None
     slope: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     quick: Mapping[str, Any] = field(default_factory=dict)
@@ -84,8 +86,9 @@ class Method(Options):
         return None
 
     def n_samples(self, material: Material) -> int:
-        """Light samples that a pixel takes; a pattern may not meet the budget exactly."""
-        return int(getattr(self, "samples", 1))
+        """Light samples that a pixel takes: by default the budget, 1 where there is none; a pattern may not meet it."""
+        value = getattr(self, budget_of(type(self)), 1)
+        return value if isinstance(value, int) else 1
 
     def half_vectors(self, material: Material) -> Tensor | None:
         """The half vectors (N, 2), theta and phi, that every pixel uses for the first lobe; None if there are none."""
@@ -94,6 +97,12 @@ class Method(Options):
     shade: ClassVar[Callable[..., Tensor]]
     # pictures(self, <stages by name>) -> {name: (H, W, 3)}: what of its state is worth looking at, for reports.
     pictures: ClassVar[Callable[..., Mapping[str, Tensor]] | None] = None
+
+
+def budget_of(method: type[Method]) -> str:
+    """Name of the option that is a method's budget, as its contract says; empty where there is none."""
+    option = method.contract.budget[0] if method.contract.budget else ""
+    return option if option in option_names(method) else ""
 
 
 METHODS: Registry[Method] = Registry("method", "glossbench.methods", "glossbench.methods")
@@ -170,48 +179,61 @@ def shade(
     Raises:
         InputError: the method does not support the combination.
         MethodError: the method returned the wrong shape, dtype or device, or radiance that is not finite, or wrote
-            into a tensor that it was given.
+            into a tensor that it was given; or what else it returned is not what it must be.
     """
     check_call(
         "shade", method=(method, Method), light=(light, CubeMap), material=(material, Material), view=(view, View)
     )
-    reason = method.supports(material, view.scene())
+    reason = reason_of(method.name, method.supports(material, view.scene()))
     if reason:
         raise InputError(f"{method.name} cannot show this: {reason}")
     cache = StageCache() if cache is None else cache
     device = str(light.faces.device)
     inputs = {"light": light, "material": material, "scene": view.scene(), "view": view}
     patience = 0.2 if time_it else 0.0
-    keys: dict[str, Any] = {**inputs, "light": (light.key, light.resolution, device)}
-    stages = stages_of(type(method))
-    prepared: dict[str, Prepared] = {}
-    for name, current in stages.items():
-        values = {n: inputs[n] if n in INPUTS else prepared[n].value for n in current.needs}
-        names = tuple(keys[n] for n in current.needs)
-        prepared[name] = cache.get(current.function, method, values, names, device, patience)
-        keys[name] = (current.function, names, id(prepared[name]))
-
+    prepared = prepare(method, inputs, cache, patience)
     points = view.points().to(device)
     known = inputs | {"points": points} | {name: p.value for name, p in prepared.items()}
     state = {n: known[n] for n in inspect.signature(method.shade).parameters}
     with unwritten(f"{method.name}.shade", state):
-        values, seconds = timed(lambda: method.shade(**state), device, patience)
+        values, timing = timed(lambda: method.shade(**state), device, patience)
     mask = view.mask()
-    depends = dependencies(stages)
+    depends = dependencies(stages_of(type(method)))
     costs = Costs(
         stage_seconds={name: p.seconds for name, p in prepared.items()},
         update_seconds={
             change: sum(p.seconds for name, p in prepared.items() if source in depends[name])
             for change, source in CHANGES.items()
         },
-        shade_seconds=seconds,
+        shade=timing,
         state_bytes=sum(p.n_bytes for p in prepared.values()),
-        n_samples=method.n_samples(material),
+        n_samples=count_of(method.name, method.n_samples(material)),
     )
     pictures: Mapping[str, Tensor] = {}
     if method.pictures is not None and time_it:
-        pictures = method.pictures(**{n: known[n] for n in inspect.signature(method.pictures).parameters})
+        needed = inspect.signature(method.pictures).parameters
+        pictures = pictures_of(method.name, method.pictures(**{n: known[n] for n in needed}))
     return Image(image_of(mask, _checked(method, points, values)), mask, costs, pictures)
+
+
+def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patience: float = 0.0) -> dict[str, Prepared]:
+    """The stages of a method, those that the cache has taken from there, the others computed.
+
+    Args:
+        inputs: light, material, scene and view.
+        patience: seconds for which a stage is run again to be timed.
+    """
+    light = inputs["light"]
+    device = str(light.faces.device)
+    cache.begin()
+    keys: dict[str, Any] = {**inputs, "light": (light.key, light.resolution, device)}
+    prepared: dict[str, Prepared] = {}
+    for name, current in stages_of(type(method)).items():
+        values = {n: inputs[n] if n in INPUTS else prepared[n].value for n in current.needs}
+        names = tuple(keys[n] for n in current.needs)
+        prepared[name] = cache.get(current.function, method, values, names, device, patience)
+        keys[name] = prepared[name].key
+    return prepared
 
 
 def _checked(method: Method, points: ShadingPoints, values: Any) -> Tensor:

@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Collection
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import compress, product
@@ -18,7 +19,9 @@ from glossbench.envmap.lights import FileLight, light_named, locate
 from glossbench.errors import InputError, nearest
 from glossbench.items import Cell, Item, MethodItem
 from glossbench.metrics import METRICS
+from glossbench.plugin_loading import loading
 from glossbench.plugins import import_plugin
+from glossbench.process_state import is_foreign
 from glossbench.schema import REGISTRIES, ReferenceOptions, StudyKeys
 from glossbench.study_claims import checked_claims, checked_exclude
 from glossbench.study_files import study_files
@@ -152,8 +155,11 @@ def study_with_forms(
     model = document.validate(StudyKeys)
     for i, plugin in enumerate(model.plugins):
         try:
-            import_plugin(plugin, path.absolute().parent)
-        except (Exception, SystemExit) as error:  # a plug-in is anyone's code
+            with loading(f"plugin {plugin!r}", model.time_limit):
+                import_plugin(plugin, path.absolute().parent)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plug-in is anyone's code
             kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
             text = f"plugin {plugin!r}: {kind}{error}"
             raise document.error(("plugins", i), text) from error
@@ -181,10 +187,10 @@ def study_with_forms(
             raise document.error(("metrics", i), f"metrics: {metric!r} is listed twice")
     study = Study(
         title=model.title, source=model.source, question=model.question,
-        lights=_items(document, forms["light"]),
-        materials=_items(document, forms["material"]),
-        views=_items(document, forms["view"]),
-        methods=_items(document, forms["methods"]),
+        lights=_items(document, forms["light"], model.time_limit),
+        materials=_items(document, forms["material"], model.time_limit),
+        views=_items(document, forms["view"], model.time_limit),
+        methods=_items(document, forms["methods"], model.time_limit),
         reference=model.reference.with_seed(model.seed), metrics=tuple(model.metrics),
         claims=(), exclude=tuple(model.exclude),
         seed=model.seed, device=model.device, time_limit=model.time_limit, plugins=tuple(model.plugins),
@@ -224,11 +230,13 @@ def _entries(document: Document, kind: str) -> list[tuple[KeyPath, Any]]:
     return [((kind, i), v) for i, v in enumerate(value)] if isinstance(value, list) else [((kind,), value)]
 
 
-def _items(document: Document, forms: list[Form]) -> tuple[Any, ...]:
+def _items(document: Document, forms: list[Form], time_limit: float) -> tuple[Any, ...]:
     """All items of one kind; InputError for one that is there twice: claims would count it twice."""
     found: dict[tuple[str, str], Item] = {}
     for form in forms:
-        for item in form.variants():
+        with loading(form.cls.name, time_limit) if is_foreign(form.cls) else nullcontext():
+            variants = list(form.variants())
+        for item in variants:
             key = (item.name, item.json)
             if key in found:
                 text = f"{path_text(form.path)} states the same twice: {item.name} {item.json}"

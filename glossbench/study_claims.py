@@ -74,7 +74,7 @@ def checked_claims(document: Document, study: "Study", any_light: bool) -> tuple
     for item in study.methods:
         methods.setdefault(item.name, set()).update(item.options)
     names = _names(study, any_light)
-    parameters = {place: {key for item in items for key in item.options} for place, items in _places(study).items()}
+    parameters = {place: {key for item in items for key in item.options} for place, items in places_in(study).items()}
     stages = [name for method in methods for name in stated_stages(METHODS.get(method))]
     costs = [*COLUMNS, *(f"stage_seconds.{name}" for name in stages), *(f"update_seconds.{name}" for name in CHANGES)]
     found: list[Claim] = []
@@ -136,7 +136,7 @@ def _check_where(document: Document, study: "Study", claims: list[Claim], any_li
 
 def claim_index(study: "Study") -> CellIndex:
     """All combinations of a study's items; a tuned option is left out, for it may become anything."""
-    items = {kind: [(item.name, item.options) for item in of_kind] for kind, of_kind in _places(study).items()}
+    items = {kind: [(item.name, item.options) for item in of_kind] for kind, of_kind in places_in(study).items()}
     items["method"] = [
         (item.name, {k: v for k, v in item.options.items() if item.tune is None or k != item.tune.option})
         for item in study.methods
@@ -144,7 +144,8 @@ def claim_index(study: "Study") -> CellIndex:
     return CellIndex.product(items)
 
 
-def _places(study: "Study") -> dict[str, Any]:
+def places_in(study: "Study") -> dict[str, Any]:
+    """The study's lights, materials and views."""
     return {"light": study.lights, "material": study.materials, "view": study.views}
 
 
@@ -152,7 +153,7 @@ def _names(study: "Study", any_light: bool) -> dict[str, set[str]]:
     """What the study's lights, materials and views answer to; any light may answer to anything."""
     return {
         place: {name for item in items for name in called(item.name, item.options)}
-        for place, items in _places(study).items()
+        for place, items in places_in(study).items()
         if not (any_light and place == "light")
     }
 

@@ -13,6 +13,7 @@ from glossbench.errors import InputError, nearest
 from glossbench.items import Item, MethodItem, Tune
 from glossbench.metrics import METRICS
 from glossbench.options import Options, check, option_names, schema_of
+from glossbench.plugin_errors import one_line, place_of
 from glossbench.rules import instead
 from glossbench.scene.mesh_view import view_or_file
 from glossbench.schema import ENDINGS, REGISTRIES, TuneKeys
@@ -84,6 +85,9 @@ class Form:
             except ValueError as error:
                 text = str(error).removeprefix(self.cls.name)
                 raise self._document.error(self.path, f"{path_text(self.path)}{text}") from error
+            except (Exception, SystemExit) as error:  # of a plug-in's constructor
+                text = f"{path_text(self.path)} cannot be made: {one_line(error)} ({place_of(error)})"
+                raise self._document.error(self.path, text) from error
             if self._kind == "methods":
                 yield MethodItem(self.cls.name, complete, self.tune, self._follows_seed)
             else:

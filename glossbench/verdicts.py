@@ -11,6 +11,7 @@ import pandas
 
 from glossbench.cell_index import CellIndex
 from glossbench.claims import (
+    BUDGET,
     PLACES,
     Claim,
     LowerClaim,
@@ -136,7 +137,8 @@ class _Table:
         """Cells of both sides on one light, material and view, what a side states aside, at equal pairing options."""
         first, second = picked
         shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in picked))
-        keys, places = pairing(claim, shared)
+        budgets = {row["budget"] for rows in picked for row in rows}
+        keys, places = pairing(claim, shared, budgets)
         varying = [_varying(row["options"] for row in rows) for rows in picked]
         stated = [place for place in PLACES if place not in places]
         partners: dict[str, list[Row]] = {}
@@ -147,12 +149,14 @@ class _Table:
             notes["cells without a partner"] += not found
             for b in found:
                 sides = zip((a, b), varying, strict=True)
-                own = [_shown(row, [key for key in differing if key not in keys]) for row, differing in sides]
-                own = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), own, strict=True)]
+                told = [_shown(row, [key for key in differing if key not in keys]) for row, differing in sides]
+                told = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), told, strict=True)]
                 if a.get("n_samples") != b.get("n_samples"):  # a pattern may not meet the budget
-                    own = [f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(own, (a, b), strict=True)]
-                told = [text or row["method"] for text, row in zip(own, (a, b), strict=True)]
-                against = " against ".join(told) if any(own) else ""
+                    told = [
+                        f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(told, (a, b), strict=True)
+                    ]
+                sides_told = [text or row["method"] for text, row in zip(told, (a, b), strict=True)]
+                against = " against ".join(sides_told) if any(told) else ""
                 yield a, b, _listed([self._place(a, places), _shown(a, keys), against])
 
     def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
@@ -197,7 +201,7 @@ def _listed(parts: list[str]) -> str:
 
 
 def _shown(row: Row, keys: Collection[str]) -> str:
-    return listed({key: row["options"].get(key) for key in keys})
+    return listed({key: row["options"].get(key) for key in keys if key != BUDGET})
 
 
 def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -212,7 +216,8 @@ def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
 def _key(row: Row, options: Collection[str], places: Collection[str] = PLACES) -> str:
     """What a cell is about, and some of its method's options, as text."""
     about = [(row[place], row[f"{place}_options"]) for place in places]
-    return json.dumps([about, [row["options"].get(key) for key in options]], sort_keys=True)
+    values = [row["options"].get(row["budget"] if key == BUDGET else key) for key in options]
+    return json.dumps([about, values], sort_keys=True)
 
 
 def _curves(rows: list[Row]) -> list[tuple[list[Row], str]]:

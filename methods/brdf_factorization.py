@@ -24,7 +24,8 @@ class BRDFFactorization(Method):
     extended light as such; and what of a BRDF is no such product.
 
     Attributes:
-        lights: K regions of a median cut, from 6; 1 is the whole light as one direction.
+        lights: K regions of a median cut, from 6; 1 is the whole light as one direction, its mean one; from above
+            where it has none, as a constant light.
         edge: texels along the edge of a factor's map.
         pairs: of directions at which the BRDF is sampled.
         smoothness, solver, tolerance: as of `homomorphic.factorize`.
@@ -52,6 +53,15 @@ class BRDFFactorization(Method):
     def n_samples(self, material: Material) -> int:
         """Lights."""
         return self.lights
+
+    def notes(self) -> tuple[str, ...]:
+        """That one light stands for all, which may have no direction."""
+        if self.lights > 1:
+            return ()
+        return (
+            "brdf_factorization with lights: 1 takes all light from its mean direction, from above where it has none, "
+            "as a constant light; lights: 6 or more shows an extended light",
+        )
 
     @stage
     def factors(self, material: Material) -> BRDFFactors:

@@ -96,7 +96,7 @@ class FilteredImportanceSampling(Method):
         "L_o approx 1/N sum_(i=1)^N (L(omega_i, l) thin f cos theta_i)/p, "
         'quad l = max(1/2 log_2 K/(N p thin Omega_"texel") + "mip bias", 0)'
     )
-    contract = Contract(furnace=1e-3, slope=-0.5)
+    contract = Contract(furnace=1e-3, budget=("samples", (16, 64, 256, 1024)), slope=-0.5)
 
     pyramid = pyramid
     irradiance = irradiance

@@ -41,7 +41,7 @@ class ImportanceSampling(Method):
 
     # Measured: furnace 1.5e-4, slope -0.95; random points would give -0.5.
     equation = "L_o approx 1/N sum_(i=1)^N (L(omega_i) thin f cos theta_i)/p"
-    contract = Contract(furnace=1e-3, slope=-0.5)
+    contract = Contract(furnace=1e-3, budget=("samples", (16, 64, 256, 1024)), slope=-0.5)
 
     irradiance = irradiance
 

@@ -346,11 +346,14 @@ def test_a_method_that_supports_no_material_of_a_check_says_why():
     assert check_linear(Picky()).measured.endswith("only measured data")
 
 
+BUDGET = ("samples", (16, 64, 256, 1024))
+
+
 def test_the_furnace_and_convergence_use_the_options_of_the_contract(truth):
     class CutOff(Method):
         samples: int = 40
         cut: bool = True
-        contract = Contract(furnace=1e-3, slope=-0.5, options={"cut": False})
+        contract = Contract(furnace=1e-3, budget=BUDGET, slope=-0.5, options={"cut": False})
         texels, irradiance = vars(Sound)["texels"], vars(Sound)["irradiance"]
 
         def shade(self, points, material, texels, irradiance):
@@ -358,7 +361,7 @@ def test_the_furnace_and_convergence_use_the_options_of_the_contract(truth):
             return image / 2 if self.cut else image
 
     class StaysCutOff(CutOff):
-        contract = Contract(furnace=1e-3, slope=-0.5)
+        contract = Contract(furnace=1e-3, budget=BUDGET, slope=-0.5)
 
     assert check_furnace(CutOff()).kept
     assert check_converges(CutOff(), truth).kept

@@ -22,7 +22,10 @@ from glossbench.shading import METHODS
 from glossbench.study import Study, load_study
 from glossbench.time_limit import GRACE, time_limit
 
-TIMES = ["stage_seconds", "update_seconds", "shade_seconds", "reference_seconds"]
+TIMES = [
+    "stage_seconds", "update_seconds", "shade_seconds", "shade_seconds_low", "shade_seconds_high", "shade_runs", "busy",
+    "reference_seconds",
+]  # fmt: skip
 # `how` is code of a method's body: it sees self, points, material and the stages.
 PLUGIN = """
 import contextlib, hashlib, sys, time
@@ -189,6 +192,7 @@ def test_without_the_check_the_others_would_be_wrong(study_of, tmp_path, undistu
     """Twin of the above: the counters of tensors unread, and the cell after the hostile one is another."""
     study = study_of("pyramid.texels.zero_()")
     monkeypatch.setattr("glossbench.stage_cache.tensors_in", lambda value: iter(()))
+    monkeypatch.setattr("glossbench.stage_cache.digest_of", lambda *values: 0)
 
     results = run_study(study, tmp_path / "r")
 
@@ -200,7 +204,7 @@ def test_without_the_check_the_others_would_be_wrong(study_of, tmp_path, undistu
 def test_a_light_that_is_written_to_unseen_would_be_wrong(study_of, tmp_path, undisturbed, monkeypatch):
     """Twin of the above: the light's bytes uncompared."""
     study = study_of("light.faces.numpy()[:] *= 2")
-    monkeypatch.setattr("glossbench.runner._digest", lambda light: 0)
+    monkeypatch.setattr("glossbench.study_lights.digest_of", lambda *values: 0)
 
     results = run_study(study, tmp_path / "r")
 

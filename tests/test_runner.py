@@ -29,7 +29,10 @@ from glossbench.study import Study, load_study
 from glossbench.tuning import tune_option
 from glossbench.yaml_marks import read_document
 
-TIMES = ["stage_seconds", "update_seconds", "shade_seconds", "reference_seconds"]
+TIMES = [
+    "stage_seconds", "update_seconds", "shade_seconds", "shade_seconds_low", "shade_seconds_high", "shade_runs", "busy",
+    "reference_seconds",
+]  # fmt: skip
 CALLS: Counter[str] = Counter()
 
 

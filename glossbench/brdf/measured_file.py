@@ -131,12 +131,14 @@ class MeasuredMaterial(Material):
 
 @lru_cache(maxsize=4)
 @settled()
-def _lobe(path: Path, digest: str, format_: Format, known_only: bool, device: str) -> tuple[MeasuredLobe, int]:
+def _lobe(path: Path, content: str, format_: Format, known_only: bool, device: str) -> tuple[MeasuredLobe, int]:
     """The lobe of a file, and how many of its values are negative."""
     try:
         table, n_negative = READERS[format_](path, device)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if digest(path, "BRDF file", MAX_BYTES) != content:
+        raise InputError(f"{path}: was changed while it was read; run it again")
     return measured_lobe(table, known_only, device), n_negative
 
 

@@ -25,6 +25,7 @@ from glossbench.envmap.radiance import Invalid, fit_to_be_light
 from glossbench.errors import InputError
 from glossbench.options import Options, Resolution
 from glossbench.registry import Registry
+from glossbench.unchanged import unchanged
 
 
 class Light(Options):
@@ -99,8 +100,9 @@ class FileLight(Light):
 
     def cubemap(self) -> CubeMap:
         """The file's radiance as a cube map, its energy kept."""
-        image, how = self.image(), self._covered
-        return to_cubemap(image, how.projection, self.resolution, self.flip_vertical, self.key(), how.axes)
+        with unchanged(locate(self.file)):  # its key reads the file again
+            image, how = self.image(), self._covered
+            return to_cubemap(image, how.projection, self.resolution, self.flip_vertical, self.key(), how.axes)
 
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
         """What the file holds, and how it was understood."""

@@ -23,7 +23,8 @@ class Partition:
     Attributes:
         index: region of each texel, (6, R, R), int32 in [0, N).
         direction: where each region's light comes from: its centroid by luminance times solid angle, unit, components
-            (N,); by solid angle alone where it is black, and -z where it is balanced, as the constant whole is.
+            (N,); by solid angle alone where it is black, and +y, from above, where it is balanced, as the constant
+            whole is.
         power: integral of the radiance over each region, (N, 3).
         solid_angle: of each region, (N,) [sr]; sums to 4 pi.
 
@@ -120,8 +121,8 @@ def _described(light: CubeMap, index: Tensor, n: int) -> Partition:
     bright, plain = summed(d * weight[:, None]), summed(d * solid_angle[:, None])
     mass, area = summed(weight)[:, None], summed(solid_angle)[:, None]
     centroid = torch.where(mass > 0, bright / mass.clamp(min=1e-300), plain / area)
-    forward = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)
-    centroid = torch.where(centroid.norm(dim=1, keepdim=True) > 1e-6, centroid, forward)
+    up = torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64)
+    centroid = torch.where(centroid.norm(dim=1, keepdim=True) > 1e-6, centroid, up)
     direction = normalize(vec3(centroid))
     return Partition(
         index.to(device),

@@ -69,7 +69,10 @@ def _shape(name: str) -> Mesh:
 
 @lru_cache(maxsize=4)
 def _of_file(path: Path, digest: str) -> Mesh:
-    return load_mesh(path)
+    mesh = load_mesh(path)
+    if _digest(path) != digest:
+        raise InputError(f"{path}: was changed while it was read; run it again")
+    return mesh
 
 
 def _path_of(name: str) -> Path:

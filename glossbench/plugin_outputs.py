@@ -1,0 +1,139 @@
+"""What plug-ins return beside radiance: each of the type, shape and size that is promised, or MethodError.
+
+Any of it goes into the table, the files and the reports of a run, which must not end by one cell's fault.
+"""
+
+import operator
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from glossbench.errors import MethodError
+from glossbench.scene.points import View
+
+MOST_SAMPLES = 1 << 53  # a table of numbers holds it exactly
+MOST_PIXELS = 8192  # along an edge
+LONGEST = 80  # characters of a picture's name, which is part of a file's
+
+
+def reason_of(by: str, value: Any) -> str | None:
+    """What `supports` returned: None, or a sentence."""
+    if value is None:
+        return None
+    text = printable(str(value))
+    if isinstance(value, bool) or not text.strip():
+        raise MethodError(f"{by}.supports must return None or a sentence that says why not, got {_told(value)}")
+    return text
+
+
+def count_of(by: str, value: Any) -> int:
+    """What `n_samples` returned: a whole number."""
+    rule = f"{by}.n_samples must return a whole number in [0, 2^53]"
+    try:
+        if isinstance(value, bool | np.bool_):
+            raise TypeError
+        count = operator.index(value)
+    except (TypeError, RuntimeError):
+        raise MethodError(f"{rule}, got {_told(value)}") from None
+    if not 0 <= count <= MOST_SAMPLES:
+        raise MethodError(f"{rule}, got {_told(count)}")
+    return count
+
+
+def notes_of(by: str, value: Any) -> list[str]:
+    """What `notes` returned: sentences."""
+    if not isinstance(value, list | tuple) or not all(isinstance(note, str) for note in value):
+        raise MethodError(f"{by}.notes must return a tuple of sentences, got {_told(value)}")
+    return [printable(note) for note in value]
+
+
+def key_text(by: str, value: Any) -> str:
+    """What `key` returned: text."""
+    if not isinstance(value, str):
+        raise MethodError(f"{by}.key must return text, got {_told(value)}")
+    return printable(value)
+
+
+def number_of(by: str, value: Any) -> float:
+    """What a metric returned: a number, which may be infinite, but not NaN."""
+    try:
+        if isinstance(value, str | bytes | bool | np.bool_):
+            raise TypeError
+        number = float(value)
+    except (TypeError, ValueError, OverflowError, RuntimeError):
+        raise MethodError(f"metric {by} must return a number, got {_told(value)}") from None
+    if number != number:
+        raise MethodError(f"metric {by} must return a number, got NaN")
+    return number
+
+
+def pattern_of(by: str, value: Any) -> NDArray[np.float32] | None:
+    """What `half_vectors` returned: None, or a finite tensor (N, 2)."""
+    if value is None:
+        return None
+    rule = f"{by}.half_vectors must return None or finite numbers (N, 2) in a tensor"
+    if not isinstance(value, Tensor) or value.ndim != 2 or value.shape[1] != 2 or value.is_complex():
+        raise MethodError(f"{rule}, got {_told(value)}")
+    found = value.detach().float().cpu()
+    if not torch.isfinite(found).all():
+        raise MethodError(f"{rule}, got some that are not")
+    array: NDArray[np.float32] = found.numpy()
+    return array
+
+
+def pictures_of(by: str, value: Any) -> dict[str, Tensor]:
+    """What `pictures` returned: finite images (H, W, 3) in tensors, by names that files can bear."""
+    if not isinstance(value, Mapping):
+        raise MethodError(f"{by}.pictures must return a mapping of names to tensors (H, W, 3), got {_told(value)}")
+    found = {}
+    for name, picture in value.items():
+        if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_ .+-]*", name) or len(name) > LONGEST:
+            rule = f"a name of letters, digits, '_', '-', '.', '+' and spaces, at most {LONGEST} of them"
+            raise MethodError(f"{by}.pictures: a picture needs {rule}, got {name!r:.100}")
+        rule = f"{by}.pictures: {name!r} must be a tensor (H, W, 3) of finite numbers, H and W at most {MOST_PIXELS}"
+        shape = tuple(picture.shape) if isinstance(picture, Tensor) else ()
+        if len(shape) != 3 or shape[2] != 3 or not all(1 <= n <= MOST_PIXELS for n in shape) or picture.is_complex():
+            raise MethodError(f"{rule}, got {_told(picture)}")
+        found[name] = picture.detach().float().cpu()
+        if not torch.isfinite(found[name]).all():
+            raise MethodError(f"{rule}, got some that are not")
+    return found
+
+
+def check_view(view: View) -> None:
+    """MethodError for a view whose mask or points are not what they must be."""
+    mask, points = view.mask(), view.points()
+    if not isinstance(mask, Tensor) or mask.dtype != torch.bool or mask.ndim != 2:
+        raise MethodError(f"{view.name}.mask must return booleans (H, W) in a tensor, got {_told(mask)}")
+    if not mask.any():
+        raise MethodError(f"{view.name}.mask shows no point of a surface: none of its {mask.numel()} pixels is true")
+    n = int(mask.sum())
+    for name in ("t", "b", "n", "wo", "position", "ng"):
+        vector = getattr(points, name)
+        for c in vector or ():
+            if not isinstance(c, Tensor) or tuple(c.shape) != (n,) or c.dtype != torch.float32:
+                raise MethodError(
+                    f"{view.name}.points: {name} needs components ({n},) float32, as the mask, got {_told(c)}"
+                )
+            if not torch.isfinite(c).all():
+                raise MethodError(f"{view.name}.points: {name} must be finite, got some that are not")
+
+
+def printable(text: str) -> str:
+    """Text that any file can hold: half a character, which Python allows, is escaped."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+def _told(value: Any) -> str:
+    """What was returned, in a few words."""
+    if isinstance(value, Tensor | np.ndarray):
+        return f"{type(value).__name__} {tuple(value.shape)} {str(value.dtype).removeprefix('torch.')}"
+    if isinstance(value, int) and abs(value) > 10**30:
+        return "a number of more than 30 digits"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,145 @@
+"""Settings that a whole process shares, each with how it is read and put back."""
+
+import gc
+import locale
+import logging
+import os
+import random
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGALRM", "SIGHUP", "SIGPIPE", "SIGCHLD")
+                 if hasattr(signal, name))  # fmt: skip
+
+
+def _put_environment(before: dict[str, str]) -> None:
+    os.environ.clear()
+    os.environ.update(before)
+
+
+def _umask() -> int:
+    now = os.umask(0o077)
+    os.umask(now)
+    return now
+
+
+def _handlers() -> dict[int, Any]:
+    """What the signals that end a process do; empty in a thread that cannot change it."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    return {number: signal.getsignal(number) for number in _SIGNALS}
+
+
+def _put_handlers(before: dict[int, Any]) -> None:
+    for number, handler in before.items():
+        if handler is not None:
+            signal.signal(number, handler)
+
+
+def _blocked() -> set[int]:
+    return set(signal.pthread_sigmask(signal.SIG_BLOCK, [])) if hasattr(signal, "pthread_sigmask") else set()
+
+
+def _limits() -> dict[int, tuple[int, int]]:
+    try:
+        import resource
+    except ImportError:  # not on this system
+        return {}
+    names = ("RLIMIT_AS", "RLIMIT_CPU", "RLIMIT_DATA", "RLIMIT_FSIZE", "RLIMIT_NOFILE", "RLIMIT_STACK")
+    return {getattr(resource, name): resource.getrlimit(getattr(resource, name)) for name in names}
+
+
+def _put_limits(before: dict[int, tuple[int, int]]) -> None:
+    import resource
+
+    for number, limits in before.items():
+        resource.setrlimit(number, limits)
+
+
+def _put_filters(before: list[Any]) -> None:
+    warnings.filters[:] = before  # type: ignore[index]
+
+
+def _logging() -> tuple[int, list[logging.Handler], int]:
+    root = logging.getLogger()
+    return root.level, list(root.handlers), logging.root.manager.disable
+
+
+def _put_logging(before: tuple[int, list[logging.Handler], int]) -> None:
+    level, handlers, disabled = before
+    logging.getLogger().setLevel(level)
+    logging.getLogger().handlers[:] = handlers
+    logging.disable(disabled)
+
+
+def _put_device(before: torch.device) -> None:
+    torch.set_default_device(None if before == torch.device("cpu") else before)
+
+
+_ENTERED: list[torch.inference_mode] = []  # a mode ends with its object
+
+
+def _put_inference(before: bool) -> None:
+    _ENTERED.append(torch.inference_mode(before))
+    _ENTERED[-1].__enter__()
+
+
+def _deterministic() -> tuple[bool, bool]:
+    return torch.are_deterministic_algorithms_enabled(), torch.is_deterministic_algorithms_warn_only_enabled()
+
+
+def _flushes() -> bool:
+    """Whether this processor takes the smallest numbers for zero."""
+    smallest = torch.full((1,), 1e-40, dtype=torch.float32, device="cpu")
+    return not bool((smallest * torch.ones(1, dtype=torch.float32, device="cpu")).item())
+
+
+class Setting(NamedTuple):
+    """Something that the whole process shares: what it is called, what it is now, and how it becomes that again."""
+
+    what: str
+    get: Callable[[], Any]
+    put: Callable[[Any], Any]
+
+
+SETTINGS = (
+    Setting("the working folder", os.getcwd, os.chdir),
+    Setting("the environment", lambda: dict(os.environ), _put_environment),
+    Setting("the locale", lambda: locale.setlocale(locale.LC_ALL), lambda v: locale.setlocale(locale.LC_ALL, v)),
+    Setting("the mode of new files", _umask, os.umask),
+    Setting("signals", _handlers, _put_handlers),
+    Setting("blocked signals", _blocked, lambda v: signal.pthread_sigmask(signal.SIG_SETMASK, v)),
+    Setting("limits", _limits, _put_limits),
+    Setting("tracing", sys.gettrace, sys.settrace),
+    Setting("profiling", sys.getprofile, sys.setprofile),
+    Setting("the interval of threads", sys.getswitchinterval, sys.setswitchinterval),
+    Setting("the garbage collector", gc.isenabled, lambda v: gc.enable() if v else gc.disable()),
+    Setting("warnings", lambda: list(warnings.filters), _put_filters),
+    Setting("logging", _logging, _put_logging),
+    Setting("numpy's errors", np.geterr, lambda v: np.seterr(**v)),
+    Setting("torch's type", torch.get_default_dtype, torch.set_default_dtype),
+    Setting("torch's device", torch.get_default_device, _put_device),
+    Setting("torch's threads", torch.get_num_threads, torch.set_num_threads),
+    Setting("torch's gradients", torch.is_grad_enabled, torch.set_grad_enabled),
+    Setting("torch's inference mode", torch.is_inference_mode_enabled, _put_inference),
+    Setting("torch's anomalies", torch.is_anomaly_enabled, torch.set_anomaly_enabled),
+    Setting("torch's algorithms", _deterministic, lambda v: torch.use_deterministic_algorithms(v[0], warn_only=v[1])),
+    Setting("torch's precision", torch.get_float32_matmul_precision, torch.set_float32_matmul_precision),
+    Setting(
+        "torch's autocast", lambda: torch.is_autocast_enabled("cpu"), lambda v: torch.set_autocast_enabled("cpu", v)
+    ),
+    Setting("torch's small numbers", _flushes, torch.set_flush_denormal),
+)
+# Put back always: to compare them takes as long.
+GENERATORS = (
+    Setting("random", random.getstate, random.setstate),
+    Setting("numpy's generator", np.random.get_state, np.random.set_state),
+    Setting("torch's generator", torch.get_rng_state, torch.set_rng_state),
+)
