@@ -32,6 +32,7 @@ from glossbench.errors import InputError
 from glossbench.folder import Folder
 from glossbench.ground_truth import Reference
 from glossbench.manifest import COMPARED, SUMMARY, Manifest, entry, listed
+from glossbench.rows import with_names
 from glossbench.shading import Image
 from glossbench.strict_json import dumps, loads, numbers
 from glossbench.verdicts import judge
@@ -128,7 +129,7 @@ class Results:
         self.disk.write("study.yaml", dump(study))
         self.disk.write("claims.json", dumps(verdicts, indent=1))
         self.disk.write("provenance.json", dumps(provenance, indent=1))
-        self.disk.write_table("cells.parquet", rows)
+        self.disk.write_table("cells.parquet", with_names(rows))
         files = {name: self.disk.checksum(name) for name in SUMMARY}
         Manifest(tuple(map(entry, rows)), {**old.files, **files}, True).write(self.folder)
 
@@ -205,7 +206,8 @@ class Results:
         if cells is None and not manifest.cells:
             raise InputError(f"{self.folder}/cells.parquet is damaged{AGAIN}")
         if cells is None:
-            cells = pandas.DataFrame([row for row in map(self._row, manifest.cells) if row is not None])
+            rows = [row for row in map(self._row, manifest.cells) if row is not None]
+            cells = pandas.DataFrame(with_names(rows))
         if cells.empty:
             raise InputError(f"{self.folder}: none of {len(manifest.cells)} cells is done yet")
         if not {"key", "reference_key", "status", "reason"} <= set(cells.columns):

@@ -18,7 +18,6 @@ from glossbench.process_state import is_foreign
 from glossbench.provenance import provenance
 from glossbench.registry import Registry
 from glossbench.results import Results
-from glossbench.rows import with_names
 from glossbench.scene.points import VIEWS
 from glossbench.study import Study
 from glossbench.study_lights import StudyLights
@@ -78,7 +77,6 @@ def run_study(
             progress.cell(row)
     finally:
         end_children(but=running)
-    rows = with_names(rows)
     results.finish(
         study.resolved(),
         judge(study.claims, pandas.DataFrame(rows)),

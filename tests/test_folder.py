@@ -97,7 +97,7 @@ def test_a_damaged_file_of_a_reference_is_made_again_and_its_cells_stay(made, fo
     study, _, expected = made
     path = only(folder, pattern)
     halved(path)
-    monkeypatch.setattr("glossbench.runner.measure", None)
+    monkeypatch.setattr("glossbench.executor.measure", None)
 
     said = said_by(study, folder)
 
@@ -403,6 +403,7 @@ def test_results_of_a_run_that_was_stopped_are_read_and_say_how_far_it_is(made, 
 
 def test_results_without_a_single_cell_say_so(made, tmp_path):
     results = Results(tmp_path / "r")
+    results.create()
     results.begin(made[0].resolved(), [{"key": "k", "light_options": "{}", "seed": 0}], {})
 
     with pytest.raises(InputError, match=r"r: none of 1 cells is done yet$"):

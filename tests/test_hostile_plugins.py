@@ -397,10 +397,10 @@ def test_native_code_that_lets_no_thread_run_is_ended_with_a_traceback(study_of,
 
 
 def test_the_reference_is_not_under_the_limit(study_of, tmp_path, monkeypatch):
-    from glossbench import runner
+    from glossbench import executor
 
-    really = runner.compute_reference
-    monkeypatch.setattr(runner, "compute_reference", lambda *args: (time.sleep(1.2), really(*args))[1])
+    really = executor.compute_reference
+    monkeypatch.setattr(executor, "compute_reference", lambda *args: (time.sleep(1.2), really(*args))[1])
 
     results = run_study(study_of(limit=1), tmp_path / "r", progress=Progress())
 

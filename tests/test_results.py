@@ -120,7 +120,7 @@ def test_a_cell_counts_as_done_only_by_its_row(results, suffix):
 def test_text_that_looks_like_a_number_stays_text_in_the_study(results):
     study = {"title": "1e-3", "source": "yes", "question": "12:30", "seed": 3, "x": 1e-7, "y": 1e-3}
 
-    results.finish(study, [], [{"key": "k"}], {})
+    results.finish(study, [], [{"key": "k", "light": "spots", "material": "ggx", "view": "sphere"}], {})
 
     assert results.study == study
 

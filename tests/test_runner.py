@@ -471,7 +471,7 @@ def test_the_same_study_computes_nothing_again(study_of, tmp_path, monkeypatch):
     run_study(study, tmp_path / "r")
     before = remains(tmp_path / "r")
     CALLS.clear()
-    monkeypatch.setattr("glossbench.runner.compute_reference", None)
+    monkeypatch.setattr("glossbench.executor.compute_reference", None)
 
     run_study(study, tmp_path / "r")
 
@@ -480,12 +480,12 @@ def test_the_same_study_computes_nothing_again(study_of, tmp_path, monkeypatch):
 
 
 def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, first_again, monkeypatch):
-    from glossbench import runner
+    from glossbench import executor
 
     before = remains(first_again)
     made = []
-    really = runner.compute_reference
-    monkeypatch.setattr(runner, "compute_reference", lambda *args: made.append(args) or really(*args))
+    really = executor.compute_reference
+    monkeypatch.setattr(executor, "compute_reference", lambda *args: made.append(args) or really(*args))
 
     run_study(study_of(), first_again, use_cache=False)
 
