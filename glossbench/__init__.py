@@ -81,27 +81,33 @@ def light(name: str | os.PathLike[str], **options: Any) -> "CubeMap":
     from glossbench.surroundings import settled
 
     with settled():
-        text = os.fspath(name) if isinstance(name, os.PathLike) else name
-        # What is no text is no name either, and is refused as such.
+        text = _text(name)
+        # What is not text is not a name either, and is refused as such.
         return (light_named(text, options) if isinstance(text, str) else LIGHTS.create(text, options)).cubemap()
 
 
-def material(name: str, **options: Any) -> "Material":
+def material(name: str | os.PathLike[str], **options: Any) -> "Material":
     """A material by name and options, or of a file: a measurement (.brdf, .binary, .bsdf) or a table of fits (.fit)."""
     from glossbench.brdf.material import MATERIALS
     from glossbench.brdf.measured_file import material_or_file
 
-    name, stated = material_or_file(name)
-    return MATERIALS.create(name, {**stated, **options})
+    text = _text(name)
+    text, stated = material_or_file(text) if isinstance(text, str) else (text, {})
+    return MATERIALS.create(text, {**stated, **options})
 
 
-def view(name: str, **options: Any) -> "View":
+def view(name: str | os.PathLike[str], **options: Any) -> "View":
     """A view by name and options, or of a mesh file."""
     from glossbench.scene.mesh_view import view_or_file
     from glossbench.scene.points import VIEWS
 
-    name, stated = view_or_file(name)
-    return VIEWS.create(name, {**stated, **options})
+    text = _text(name)
+    text, stated = view_or_file(text) if isinstance(text, str) else (text, {})
+    return VIEWS.create(text, {**stated, **options})
+
+
+def _text(name: str | os.PathLike[str]) -> str:
+    return os.fspath(name) if isinstance(name, os.PathLike) else name
 
 
 def method(name: str, **options: Any) -> "Method":

@@ -333,7 +333,7 @@ def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:
 
 def _print_fault(what: str, error: BaseException) -> None:
     """One line for an exception: what failed, why, and the place in the source where that is not the user's fault."""
-    text = str(error)
+    text = " ".join(str(error).split())
     if not isinstance(error, InputError):
         last = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__}: {text} ({Path(last.filename).name}:{last.lineno})"

@@ -1,5 +1,6 @@
 """A folder that this program writes results to: what is in it may be damaged, or come from a stranger."""
 
+import errno
 import os
 import re
 import stat
@@ -49,6 +50,8 @@ class Folder:
             os.fspath(self.root).encode()
             for name in ("", "cells", "images", "references"):
                 folder = self.path(name)
+                if folder.exists() and not folder.is_dir():
+                    raise NotADirectoryError(0, os.strerror(errno.ENOTDIR))
                 folder.mkdir(parents=True, exist_ok=True)
                 if not os.access(folder, os.W_OK | os.X_OK):
                     raise PermissionError(0, "it may only be read; name another folder by -o")

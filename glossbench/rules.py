@@ -12,6 +12,7 @@ _WORDS = (
     (r"a valid tuple", "a list"),
     (r"a valid dictionary( or instance of \w+)?", "a mapping"),
 )
+LONGEST = 60  # characters of a mapping that a message repeats
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
@@ -20,7 +21,9 @@ def rule_of(error: Mapping[str, Any]) -> str:
     rule = error["msg"]
     for pattern, word in _WORDS:
         rule = re.sub(pattern, word, rule, count=1)
-    got = "" if isinstance(error["input"], dict) else " ".join(repr(error["input"]).split())  # an array spans lines
+    got = " ".join(repr(error["input"]).split())  # an array spans lines
+    if isinstance(error["input"], dict) and len(got) > LONGEST:
+        got = ""
     return f"{rule}, got {got}" if got else rule
 
 

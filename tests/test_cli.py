@@ -297,9 +297,8 @@ def test_a_dry_run_names_the_cells_and_writes_nothing(call, here):
 
 
 def test_a_dry_run_says_which_cells_are_done_and_which_have_failed(call, results):
-    done = Results(results).cells["key"][0]
-    cell = results / "cells" / f"{done}.json"
-    cell.write_text(cell.read_text().replace('"done"', '"failed"'))
+    kept = Results(results)
+    kept.add_cell(kept.cell(kept.cells["key"][0]) | {"status": "failed"}, None, None)
 
     lines = call("run", "tiny.yaml", "--dry-run").out.splitlines()
 
@@ -490,7 +489,7 @@ def test_schema_prints_a_json_schema_of_every_key(call):
 
 def assert_is_schema(stated: Any) -> None:
     """The rules of the draft for the keywords that are used; an unknown keyword is a fault, too."""
-    texts = {"$schema", "$ref", "title", "description"}
+    texts = {"$schema", "$ref", "title", "description", "pattern"}
     types = {"object", "array", "string", "number", "integer", "boolean", "null"}
     numbers = {"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"}
     counts = {"minItems", "maxItems", "minLength", "minProperties", "maxProperties"}
@@ -507,7 +506,7 @@ def assert_is_schema(stated: Any) -> None:
         elif key in counts:
             assert isinstance(value, int)
             assert value >= 0
-        elif key in ("properties", "$defs"):
+        elif key in ("properties", "patternProperties", "$defs"):
             for one in value.values():
                 assert_is_schema(one)
         elif key in ("anyOf", "oneOf", "prefixItems"):
@@ -1083,9 +1082,10 @@ def test_a_report_that_fails_is_one_line_after_the_verdicts_and_the_others_are_w
     assert code == 1
     assert "A [b] /c" in out
     assert out.splitlines()[-1] == "report: results/tiny/kept.html"
-    assert err.startswith("error: the broken report was not written: RuntimeError: planted [/fault] (")
-    assert f"{Path(__file__).name}:" in err
-    assert err.count("\n") == 1
+    [line] = [line for line in err.splitlines() if line.startswith("error: ")]  # times may be noted, too
+    assert re.fullmatch(
+        r"error: the broken report was not written: RuntimeError: planted \[/fault\] \(test_cli.py:\d+\)", line
+    )
     assert call("report", "results/tiny").code == 1
 
 
@@ -1114,9 +1114,10 @@ def test_the_table_of_5000_cells_is_its_first_rows_and_a_count(capsys):
     printing.print_table(cells, ["rms"])
 
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 1 + printing.MAX_ROWS + 2
-    assert lines[-2] == "... and 4960 more of 5000 rows: all are in the report and in cells.parquet"
-    assert lines[-1] == "skipped: importance_sampling: it cannot"
+    more, reason, *words = lines[1 + printing.MAX_ROWS :]
+    assert more == "... and 4960 more of 5000 rows: all are in the report and in cells.parquet"
+    assert reason == "skipped: importance_sampling: it cannot"
+    assert [line.partition(":")[0] for line in words] == ["seed"]
     # Measured 0.7 s; where each row is compared with all others, four minutes.
     assert time.process_time() - started < 10
 

@@ -288,9 +288,20 @@ def test_an_inner_fault_of_a_study_is_told_with_its_place(study_of, material, me
 
 
 def test_the_schema_offers_every_material_as_a_part():
-    stated = schema()["properties"]["material"]["anyOf"][0]["anyOf"][1]["properties"]["sum"]["anyOf"][0]
+    stated = schema()
 
-    part = stated["properties"]["of"]["anyOf"][0]["items"]["anyOf"]
+    def at(one: dict, *path: str | int) -> dict:
+        """What lies on a path, references followed."""
+        for step in path:
+            while "$ref" in one:
+                one = stated["$defs"][one["$ref"].removeprefix("#/$defs/")]
+            one = one[step]
+        return one
 
-    assert part[0]["enum"] == MATERIALS.names()
-    assert set(part[1]["properties"]) == set(MATERIALS.names())
+    of = at(
+        stated, "properties", "material", "anyOf", 0, "anyOf", 1, "properties", "sum", "anyOf", 0, "properties", "of"
+    )
+    part = at(of, "anyOf", 0, "items", "anyOf")
+
+    assert at(part[0], "enum") == MATERIALS.names()
+    assert set(at(part[1], "properties")) == set(MATERIALS.names())
