@@ -60,13 +60,17 @@ class CellKeys:
         self._marks = results.folder / "begun"
         self._known: dict[int, str] = {}
 
-    def of(self, cell: Cell, rerun_failed: bool = False) -> Identity:
-        """The identity of a cell; raises what says that a file cannot be read, or has changed."""
+    def of(self, cell: Cell, again: bool = False) -> Identity:
+        """The identity of a cell; raises what says that a file cannot be read, or has changed.
+
+        Args:
+            again: try again what failed before its own key was known.
+        """
         sources, is_foreign = self.sources.of(cell), self.sources.any_foreign(cell)
         items = {kind: [getattr(cell, kind).name, getattr(cell, kind).spelled()] for kind in (*PLACES, "method")}
         spelled = key_of([self._common, sources, items])
-        is_there = self._results.has_cell(spelled)
-        if is_there and not rerun_failed:
+        is_there = self._results.has_cell(spelled) and not self._results.damage_of_cell(spelled)
+        if is_there and not again:
             return Identity(spelled, spelled)
         tried = Attempt(self._marks, spelled)
         attempt = Attempt(self._marks, f"{spelled}_key")  # another one: it ends before the cell begins

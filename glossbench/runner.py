@@ -63,7 +63,7 @@ def run_study(
     started = datetime.now(UTC)
     rows, running = [], children()
     try:
-        known = [executor.keys.of(cell, rerun_failed) for cell in cells]
+        known = [executor.keys.of(cell, rerun_failed or not use_cache) for cell in cells]
         entries = [
             {"key": each.key, "light_options": cell.light.json, "seed": study.seed}
             for cell, each in zip(cells, known, strict=True)
