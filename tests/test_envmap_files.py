@@ -316,6 +316,14 @@ def test_the_pfm_check_notices_the_other_endianness(tmp_path):
     assert not torch.isclose(back, image).any()
 
 
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b" \n", b" \t\r\n"])
+def test_a_header_of_a_pfm_ends_with_its_line(tmp_path, end):
+    image = an_image(3, 2)
+    (tmp_path / "a.pfm").write_bytes(b"PF\n2 3\n-1" + end + image.numpy()[::-1].tobytes())
+
+    assert torch.equal(read_image(tmp_path / "a.pfm"), image)
+
+
 def test_pixels_of_a_pfm_may_begin_with_white_space(tmp_path):
     image = torch.from_numpy(np.frombuffer(b"\n \x0a\x41" * 6, "<f4").reshape(1, 2, 3).copy())
     (tmp_path / "a.pfm").write_bytes(b"PF 2 1 -1\n" + image.numpy().tobytes())

@@ -349,6 +349,14 @@ def test_a_lamp_of_one_pixel_is_neither_lost_nor_doubled(row, resolution):
     assert light.mean()[0].item() == pytest.approx(mean, rel=allowed)
 
 
+@pytest.mark.parametrize("row", [4, 20, 41, 64, 100])
+def test_a_lamp_of_one_pixel_is_right_within_3_percent_where_a_cube_map_is_so_fine_that_time_matters(monkeypatch, row):
+    monkeypatch.setattr("glossbench.envmap.resampling._FINE", 32)
+    image, mean = lamp(row)
+
+    assert to_cubemap(image, resolution=64).mean()[0].item() == pytest.approx(mean, rel=0.03)
+
+
 def test_the_lamp_check_notices_narrow_pixels_near_the_pole(monkeypatch):
     lamps = [lamp(row) for row in (1, 2, 3, 4)]
     monkeypatch.setattr(layouts, "widen_near_poles", lambda image: None)

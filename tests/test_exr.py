@@ -141,6 +141,7 @@ NO_RADIANCE = {
     "motion": ({"forward.u": 1, "forward.v": 1, "id": 1}, "its channels are id, forward.u, forward.v"),
     "no blue": ({"R": 1, "G": 1}, "its channels are R, G"),
     "alpha": ({"A": 1}, "its channels are A"),
+    "names of objects": (rgb("ViewLayer.CryptoObject00."), "its channels are ViewLayer.CryptoObject00.R, .*00.G"),
     "very many": ({f"id{i:02}": 1 for i in range(40)}, r"its channels are id00, .* id11 and 28 more$"),
 }
 
@@ -275,7 +276,7 @@ def test_chromaticities_are_converted_to_rec_709(tmp_path):
 
     # ITU-R BT.2087.
     assert colour_of(path) == pytest.approx((0.57337, 0.38837, 0.28627), abs=1e-4)
-    assert read_file(path).notes[0].startswith("converted to linear Rec. 709 from the chromaticities (0.708, 0.292)")
+    assert read_file(path).notes[0].startswith("converted from the chromaticities (0.708, 0.292)")
 
 
 def test_a_colour_beyond_rec_709_is_cut_at_zero_and_counted(tmp_path):

@@ -134,6 +134,26 @@ def test_cie_xyz_and_other_primaries_are_converted(tmp_path):
     assert "converted from its PRIMARIES 0.708 0.292" in wide.notes[0]
 
 
+def test_a_colour_beyond_rec_709_is_cut_at_zero_and_counted(tmp_path):
+    green = np.full((3, 8, 4), 136, np.uint8)
+    green[..., :3] = (0, 200, 0)
+    stated = b"PRIMARIES=0.708 0.292 0.170 0.797 0.131 0.046 0.3127 0.3290"
+
+    decoded = read_file(picture(tmp_path / "a.hdr", lines=(*LINES[:2], stated, *LINES[2:]), pixels=green))
+
+    assert decoded.image[0, 0] == pytest.approx([0, 226.58, 0], rel=1e-3)  # ITU-R BT.2407
+    assert decoded.notes[0].endswith("; 24 pixels have colours beyond Rec. 709, their negative channels are 0")
+
+
+def test_primaries_that_are_no_triangle_leave_the_colour_and_this_is_said(tmp_path):
+    stated = b"PRIMARIES=" + b" 0.1" * 8
+
+    decoded = read_file(picture(tmp_path / "a.hdr", lines=(*LINES[:2], stated, *LINES[2:])))
+
+    assert (decoded.image == PIXELS).all()
+    assert decoded.notes[0].startswith("taken as linear Rec. 709, for its chromaticities must be a triangle")
+
+
 @pytest.mark.parametrize(
     ("body", "message"),
     [

@@ -161,10 +161,10 @@ def test_an_interlaced_png_is_the_same_image(tmp_path):
     assert image.numpy() == pytest.approx(decoded(np.array([[10, 20], [30, 40]]) / 255), rel=1e-5)
 
 
-def logluv(path):
-    """A TIFF whose tags say SGI LogLuv, by hand; its pixels do not matter."""
-    tags = [(256, 4, 2), (257, 4, 1), (258, 3, 16), (259, 3, 34676), (262, 3, 32845), (273, 4, 8), (277, 3, 3),
-            (278, 4, 1), (279, 4, 40)]  # fmt: skip
+def logluv(path, photometric=32845, compression=34676, bits=16):
+    """A TIFF whose tags say SGI LogLuv, or another coding of colour, by hand; its pixels do not matter."""
+    tags = [(256, 4, 2), (257, 4, 1), (258, 3, bits), (259, 3, compression), (262, 3, photometric),
+            (273, 4, 8), (277, 3, 3), (278, 4, 1), (279, 4, 40)]  # fmt: skip
     entries = b"".join(struct.pack("<2H2I", tag, kind, 1, value) for tag, kind, value in tags)
     path.write_bytes(
         b"II*\0" + struct.pack("<I", 48) + b"\x82\1" * 20 + struct.pack("<H", len(tags)) + entries + b"\0" * 4
@@ -183,6 +183,7 @@ def logluv(path):
         ("a.tif", lambda p: tiff(p, BITS_16.astype(np.uint32)), "holds integers of the type uint.*convert them"),
         ("a.tif", lambda p: tiff(p, BITS_16.astype(np.int16)), "holds integers of the type int16"),
         ("a.tif", logluv, "holds SGI Logluv, which is not read; convert it to .exr"),
+        ("a.tif", lambda p: logluv(p, 8, 1, 8), "holds CIELAB, which is not read; convert it to .exr"),
         ("a.tif", lambda p: tiff(p, FLOATS) and p.write_bytes(p.read_bytes()[:9000]), "truncated or damaged as a TIFF"),
         ("a.hdr", lambda p: tiff(p, FLOATS), "is not a Radiance HDR image: .* as a TIFF image does; name it .tif"),
         ("a.exr", lambda p: p.write_bytes(b"#?RADIANCE\n"), "as a Radiance HDR image does; name it .hdr"),

@@ -139,6 +139,7 @@ WRONG = {
     "no samples": (a_file(rows=np.zeros(0)), "truncated: 0 numbers"),
     "a sample cut off": (a_file().rsplit("\n", 9)[0], "truncated: 97 numbers of samples, 35 make one"),
     "NaN": (one_row(_9=np.nan), "with 1 numbers that are not finite"),
+    "infinite as float32": (one_row(_9=1e39), r"with 1 numbers that are not finite, or above 1e\+30"),
     "an infinite angle": (one_row(_1=np.inf), "with 1 numbers that are not finite"),
     "a light below the surface": (one_row(_0=1.7), r"angles to the normal must be in \[0, pi/2\), got 1.7"),
     "a negative angle": (one_row(_2=-0.1), "got -0.1"),

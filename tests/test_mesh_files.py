@@ -515,6 +515,10 @@ WRONG = {
         changed(lambda tree: tree["accessors"][0].update(count=400)),
         "numbers up to byte 4800 of a buffer of 72",
     ),
+    "numbers that lie within each other": (
+        changed(lambda tree: tree["bufferViews"][0].update(byteStride=4)),
+        "items of 12 bytes are 4 bytes apart",
+    ),
     "a claim of numbers": (
         changed(lambda tree: (tree["accessors"][0].update(count=1 << 40), tree["accessors"][0].pop("bufferView"))),
         "1099511627776 items of nothing, more than 134217728",

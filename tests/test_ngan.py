@@ -174,6 +174,25 @@ def test_a_table_of_ward_duer_has_its_normalisation(own):
     assert float(fit.f(wo, wi)[0]) == pytest.approx(0.05 / pi + 0.07 / (4 * pi * 0.25**2 * 0.25), rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (" = ", "="),
+        (", ", ","),
+        ("(", "( "),
+        ("0.25", "2.5E-1"),
+        ("brass", "\ufeffbrass"),
+        ("))", "))  # of Müller"),
+        ("))", "));"),
+    ],
+)
+def test_a_line_is_taken_as_its_writer_spaces_it(tmp_path, old, new):
+    line = LINE.replace("chrome", "brass").replace("roughness = 0.1", "roughness = 0.25")
+    (tmp_path / "x.fit").write_text(line.replace(old, new), encoding="utf-8")
+
+    assert fits(tmp_path / "x.fit")["brass"].m == (0.25, 0.25)
+
+
 def test_a_table_may_hold_several_models_with_numbers_in_any_order(own):
     tin = MATERIALS.create("ngan", {"file": str(own), "material": "tin"}).fitted()
 

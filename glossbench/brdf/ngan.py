@@ -16,13 +16,12 @@ from glossbench.file_bytes import require_size
 from glossbench.surroundings import settled
 
 Model = Literal["cook_torrance", "ward", "ward_duer", "lafortune"]
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
-COLOR = rf"\[({NUMBER}), ({NUMBER}), ({NUMBER})\]"
-OPTION = rf"\w+ = (?:\[{NUMBER}, {NUMBER}, {NUMBER}\]|{NUMBER})"
-# A line of each file: name = Aggregate(Lambertian(...), its model with these numbers).
-LINE = re.compile(
-    rf"([\w-]+) = Aggregate(?:Bsdf)?\(Lambertian\(albedo = {COLOR}\), (\w+)\(({OPTION}(?:, {OPTION})*)\)\)"
-)
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+COLOR = rf"\[({NUMBER}),({NUMBER}),({NUMBER})\]"
+OPTION = rf"\w+=(?:\[{NUMBER},{NUMBER},{NUMBER}\]|{NUMBER})"
+# A line of each file: name = Aggregate(Lambertian(...), its model with these numbers); blanks about signs say nothing.
+BLANKS = re.compile(r"\s*([=,()\[\]])\s*")
+LINE = re.compile(rf"([\w.-]+)=Aggregate(?:Bsdf)?\(Lambertian\(albedo={COLOR}\),(\w+)\(({OPTION}(?:,{OPTION})*)\)\);?")
 MODELS: dict[str, tuple[Model, tuple[str, ...]]] = {
     "NganCookTorrance": ("cook_torrance", ("albedo", "eta", "roughness")),
     "NganWard": ("ward", ("albedo", "roughness")),
@@ -110,13 +109,13 @@ def fits(path: Path, model: Model | None = None) -> dict[str, Material]:
 def _fits(path: Path, size: int, time: int, model: Model | None) -> dict[str, Material]:
     found: dict[str, Material] = {}
     try:
-        lines = path.read_text(encoding="ascii").splitlines()
+        lines = [line.partition("#")[0] for line in path.read_text(encoding="utf-8-sig").splitlines()]
     except ValueError:
         raise InputError(f"{path}: no table of fits: holds more than plain text") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     for i, line in enumerate(lines, 1):
-        if line.strip() and not line.lstrip().startswith("#"):
+        if line.strip():
             try:
                 name, fit = _fit(" ".join(line.split()), model)
             except InputError as error:
@@ -132,7 +131,7 @@ def _fits(path: Path, size: int, time: int, model: Model | None) -> dict[str, Ma
 def _fit(line: str, wanted: Model | None) -> tuple[str, Material]:
     """Name and material of a line."""
     no_fit = f"no {f'{wanted} ' if wanted else ''}fit"
-    match = LINE.fullmatch(line)
+    match = LINE.fullmatch(BLANKS.sub(r"\1", line))
     if match is None:
         raise InputError(f"{no_fit}: {line[:60]!r}")
     name, *kd, stated, options = match.groups()
@@ -143,7 +142,7 @@ def _fit(line: str, wanted: Model | None) -> tuple[str, Material]:
         raise InputError(f"{no_fit}, but one of {model}")
     numbers: dict[str, Any] = {}
     for option in re.findall(OPTION, options):
-        key, _, value = option.partition(" = ")
+        key, _, value = option.partition("=")
         numbers[key] = tuple(map(float, re.findall(NUMBER, value)))
     if {key: len(value) for key, value in numbers.items()} != {key: 3 if key == "albedo" else 1 for key in wants}:
         raise InputError(f"{no_fit}: {stated} needs {', '.join(wants)}, got {', '.join(numbers)}")

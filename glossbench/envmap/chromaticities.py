@@ -30,13 +30,17 @@ def to_rec709(pixels: np.ndarray, chromaticities: Sequence[tuple[float, float]])
     return pixels @ matrix_to_rec709(chromaticities).T.astype(pixels.dtype)
 
 
-def in_rec709(image: np.ndarray, chromaticities: Sequence[tuple[float, float]]) -> tuple[np.ndarray, tuple[str, ...]]:
+def in_rec709(
+    image: np.ndarray, chromaticities: Sequence[tuple[float, float]], stated: str
+) -> tuple[np.ndarray, tuple[str, ...]]:
     """An image (H, W, 3) in linear Rec. 709, and what to note of it; the image may be written to.
 
     Where a colour that Rec. 709 does not hold gets a negative channel, this is set to 0. Chromaticities that say
     nothing leave the image as it is.
+
+    Args:
+        stated: what the note calls the chromaticities.
     """
-    stated = " ".join(f"({x:.4g}, {y:.4g})" for x, y in chromaticities)
     n_outside = 0
     for row in range(0, len(image), _ROWS):
         stored = image[row : row + _ROWS]
@@ -49,7 +53,7 @@ def in_rec709(image: np.ndarray, chromaticities: Sequence[tuple[float, float]]) 
         outside = (converted < 0) & (stored >= 0).all(-1, keepdims=True)
         n_outside += int(outside.any(-1).sum())
         image[row : row + _ROWS] = np.where(outside, 0, converted)
-    note = f"converted to linear Rec. 709 from the chromaticities {stated}"
+    note = f"converted from {stated} to linear Rec. 709"
     if n_outside:
         note += f"; {n_outside} pixels have colours beyond Rec. 709, their negative channels are 0"
     return image, (note,)

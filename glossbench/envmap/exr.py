@@ -60,8 +60,9 @@ def read_exr(path: Path, layer: str | None = None) -> Decoded:
         notes += (f"alpha is below 1 in {n_transparent} pixels: their colour counts as stored, with black behind it",)
     stated = spec.getattribute("chromaticities")
     if stated is not None and len(set(chosen.channels)) > 1:
-        x, y = stated[::2], stated[1::2]
-        image, more = in_rec709(image, tuple(zip(x, y, strict=True)))
+        pairs = tuple(zip(stated[::2], stated[1::2], strict=True))
+        told = "the chromaticities " + " ".join(f"({x:.4g}, {y:.4g})" for x, y in pairs)
+        image, more = in_rec709(image, pairs, told)
         notes += more
     return Decoded(image, notes, _covering(spec))
 

@@ -1,5 +1,6 @@
 """Layers of an OpenEXR image: which channels of which part are its colour."""
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from glossbench.errors import InputError, nearest
 _COMBINED = ("", "combined", "rgba", "rgb", "beauty", "c", "ci", "color", "colour", "main", "final", "image", "default")
 _LEAVES = {"r": 0, "red": 0, "g": 1, "green": 1, "b": 2, "blue": 2}
 _GREY = ("y", "l", "luminance", "grey", "gray")
+_IDS = re.compile(r"crypto\w*\d\d$", re.IGNORECASE)  # Cryptomatte: R, G, B, A are names of objects and shares
 _LISTED = 12  # channels and layers named in a message
 
 
@@ -85,6 +87,8 @@ def _layers(parts: Sequence[oiio.ImageSpec]) -> list[Layer]:
             prefix, _, leaf = name.rpartition(".")
             found.setdefault(prefix, {}).setdefault(leaf.lower(), channel)
         for prefix, leaves in found.items():
+            if _IDS.search(prefix or title):
+                continue
             at = {_LEAVES[leaf]: channel for leaf, channel in leaves.items() if leaf in _LEAVES}
             if len(at) == 3:
                 colour.append(_layer(spec, title, prefix, part, (at[0], at[1], at[2]), leaves))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glossbench.envmap.chromaticities import REC_709, to_rec709
+from glossbench.envmap.chromaticities import REC_709, in_rec709
 from glossbench.envmap.decoded import Decoded
 from glossbench.envmap.refusals import check_size, damaged
 from glossbench.envmap.rgbe import read_pixels
@@ -51,8 +51,8 @@ def read_hdr(path: Path) -> Decoded:
         given = (
             "CIE XYZ" if primaries == _XYZ else f"its PRIMARIES {' '.join(f'{n:g}' for xy in primaries for n in xy)}"
         )
-        notes.append(f"converted from {given} to linear Rec. 709")
-        image = to_rec709(image, primaries)
+        image, more = in_rec709(image, primaries, given)
+        notes += more
     return Decoded(image, tuple(notes))
 
 

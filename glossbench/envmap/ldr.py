@@ -68,8 +68,9 @@ def read_ldr(path: Path, ldr: bool) -> Decoded:
 def _check_coding(path: Path, spec: oiio.ImageSpec, ldr: bool) -> None:
     """InputError where the values cannot be understood, or are integers that nobody asked for."""
     colour = spec.get_string_attribute("tiff:ColorSpace")
-    if colour.startswith("LOG"):
-        raise InputError(f"{path}: holds SGI {colour.title()}, which is not read; convert it to .exr")
+    if colour.startswith("LOG") or colour.endswith("LAB"):
+        name = f"SGI {colour.title()}" if colour.startswith("LOG") else colour
+        raise InputError(f"{path}: holds {name}, which is not read; convert it to .exr")
     base = spec.format.basetype
     if base in _FLOATS:
         return

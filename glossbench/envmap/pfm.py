@@ -12,6 +12,7 @@ from glossbench.envmap.refusals import check_fits, check_size, damaged
 KIND = "a portable float map"
 # The one white space after the scale ends the header: what follows may be a byte of pixels that looks like another.
 _HEADER = re.compile(rb"(PF|Pf)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([-+]?[0-9.eE+-]{1,30})(\r\n|\s)")
+_REST_OF_LINE = re.compile(rb"[ \t]+\r?\n")
 
 
 def read_pfm(path: Path) -> Decoded:
@@ -38,10 +39,14 @@ def read_pfm(path: Path) -> Decoded:
         scale = 0.0
     if scale == 0 or not isfinite(scale):
         raise damaged(path, KIND, f"its scale must be a number other than 0, got {match[4].decode()}")
-    wanted, there = height * width * channels * 4, path.stat().st_size - match.end()
+    wanted, n_bytes, start = height * width * channels * 4, path.stat().st_size, match.end()
+    rest = _REST_OF_LINE.match(head, match.start(5))
+    if rest and n_bytes - rest.end() == wanted:  # a writer that leaves a space before the end of the line
+        start = rest.end()
+    there = n_bytes - start
     if there < wanted:
         raise damaged(path, KIND, f"{there} of {wanted} bytes of pixels are there")
     check_fits(path, width, height)
-    stored = np.fromfile(path, "<f4" if scale < 0 else ">f4", height * width * channels, offset=match.end())
+    stored = np.fromfile(path, "<f4" if scale < 0 else ">f4", height * width * channels, offset=start)
     image = np.multiply(stored.reshape(height, width, channels)[::-1], abs(scale), dtype=np.float32)
     return Decoded(image.repeat(3, axis=2) if channels == 1 else image)

@@ -209,6 +209,10 @@ class _Reader:
         start = view.get("byteOffset", 0) + offset
         stride = view.get("byteStride") or kind.itemsize * width
         last = start + stride * (count - 1) + kind.itemsize * width
+        if stride < kind.itemsize * width:
+            raise InputError(
+                f"{self._path}: glTF file whose items of {kind.itemsize * width} bytes are {stride} bytes apart"
+            )
         if min(start, offset, count) < 0 or last > len(data) or last > start - offset + view["byteLength"]:
             raise InputError(
                 f"{self._path}: glTF file truncated or damaged: numbers up to byte {last} of a buffer of {len(data)}"

@@ -15,6 +15,7 @@ from glossbench.brdf.lobe import Channels
 from glossbench.brdf.measured.colorimetry import WAVELENGTHS, rec709
 from glossbench.brdf.measured.half_difference import half_difference
 from glossbench.directions import Vec3, spherical
+from glossbench.envmap.radiance import LARGEST
 from glossbench.errors import InputError
 from glossbench.file_bytes import require_size
 from glossbench.homomorphic import FactorMap, factorize, grid_laplacian, grid_rows
@@ -121,8 +122,10 @@ def read_samples(path: Path) -> Samples:
     if not len(rows) or len(rows) % width:
         raise InputError(f"{path}: goniometer file truncated: {len(rows)} numbers of samples, {width} make one")
     rows = rows.reshape(-1, width)
-    if not np.isfinite(rows).all():
-        raise InputError(f"{path}: goniometer file with {int((~np.isfinite(rows)).sum())} numbers that are not finite")
+    wrong = ~(np.abs(rows) <= LARGEST)
+    if wrong.any():
+        told = f"{int(wrong.sum())} numbers that are not finite, or above {LARGEST:g}"
+        raise InputError(f"{path}: goniometer file with {told}")
     theta = rows[:, [0, 2]]
     if (theta < 0).any() or (theta >= pi / 2).any():
         raise InputError(f"{path}: goniometer file: angles to the normal must be in [0, pi/2), got {_outside(theta)}")

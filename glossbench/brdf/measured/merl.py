@@ -11,6 +11,7 @@ from torch import Tensor
 from glossbench.brdf.lobe import Channels
 from glossbench.brdf.measured.half_difference import half_difference
 from glossbench.directions import Vec3
+from glossbench.envmap.radiance import LARGEST
 from glossbench.errors import InputError
 
 SHAPE = (90, 90, 180)  # theta_h, theta_d, phi_d
@@ -61,7 +62,7 @@ def read_merl(path: Path, device: str) -> tuple[HalfDifferenceTable, int]:
     measurement: it is black and not known.
 
     Raises:
-        InputError: another size, other dimensions, or a value that is not finite.
+        InputError: another size, other dimensions, or a value that is not finite or above 1e30.
     """
     size = path.stat().st_size
     if size < 12:
@@ -74,8 +75,9 @@ def read_merl(path: Path, device: str) -> tuple[HalfDifferenceTable, int]:
             what = "truncated" if size < SIZE else "too long"
             raise InputError(f"{path}: MERL file {what}: {size} bytes, must be {SIZE}")
         stored = np.fromfile(file, "<f8").reshape(3, -1)
-    if not np.isfinite(stored).all():
-        raise InputError(f"{path}: MERL file with {int((~np.isfinite(stored)).sum())} values that are not finite")
+    wrong = ~(np.abs(stored) <= LARGEST)
+    if wrong.any():
+        raise InputError(f"{path}: MERL file with {int(wrong.sum())} values that are not finite, or above {LARGEST:g}")
     measured = torch.from_numpy((stored >= 0).all(0)).to(device)
     scaled = torch.from_numpy(stored * np.array(SCALES)[:, None]).to(device)
     values = tuple(torch.where(measured, channel, 0.0).float() for channel in scaled)

@@ -14,6 +14,7 @@ from glossbench.brdf.lobe import Channels
 from glossbench.brdf.measured.half_difference import azimuth
 from glossbench.brdf.measured.tensor_file import read_tensors
 from glossbench.directions import Vec3, half_vector
+from glossbench.envmap.radiance import LARGEST
 from glossbench.errors import InputError
 
 FIELDS = {"theta_i": 1, "phi_i": 1, "sigma": 2, "ndf": 2, "vndf": 4, "luminance": 4, "rgb": 5, "jacobian": 1}
@@ -147,8 +148,8 @@ def read_rgl(path: Path, device: str) -> tuple[AdaptiveTable, int]:
             raise InputError(f"{path}: no BSDF file: has no {name!r}, only {', '.join(sorted(arrays))}")
         if arrays[name].ndim != n_axes:
             raise InputError(f"{path}: BSDF file: {name!r} has {arrays[name].ndim} axes, must have {n_axes}")
-        if not np.isfinite(arrays[name]).all():
-            raise InputError(f"{path}: BSDF file: {name!r} has values that are not finite")
+        if not (np.abs(arrays[name]) <= LARGEST).all():
+            raise InputError(f"{path}: BSDF file: {name!r} has values that are not finite, or above {LARGEST:g}")
     theta, rgb, vndf = arrays["theta_i"], arrays["rgb"], arrays["vndf"]
     if len(arrays["phi_i"]) > 1:
         raise InputError(
