@@ -14,7 +14,7 @@ from glossbench.import_closure import is_installed
 from glossbench.process_settings import GENERATORS, SETTINGS, Setting
 from glossbench.registry import Registry
 
-# Beside this package: modules that it calls, whose members, and those of their classes, a plug-in may replace.
+# Beside this package: modules and classes that it calls, whose members a plug-in may replace.
 _CALLED = (
     "builtins", "io", "json", "json.decoder", "json.encoder", "os", "os.path", "time", "math", "zlib", "hashlib",
     "shutil", "tempfile", "threading", "signal", "random", "struct", "copy", "dataclasses", "inspect", "functools",
@@ -22,7 +22,10 @@ _CALLED = (
     "sys", "gc", "faulthandler", "subprocess", "uuid", "numpy", "numpy.linalg", "torch", "torch.nn.functional",
     "torch.quasirandom", "scipy.optimize", "pandas", "yaml", "OpenEXR", "PIL.Image",
 )  # fmt: skip
-_HEAP = 1 << 9  # of a class's flags: its members can be replaced
+_CLASSES = (
+    "pathlib.Path", "pathlib.PurePath", "torch.Tensor", "torch.quasirandom.SobolEngine", "threading.Thread",
+    "json.encoder.JSONEncoder", "pandas.DataFrame", "PIL.Image.Image", "yaml.SafeDumper", "yaml.SafeLoader",
+)  # fmt: skip
 _LEFT = {("sys", name) for name in ("last_type", "last_value", "last_traceback", "last_exc", "ps1", "ps2")}
 
 
@@ -51,7 +54,7 @@ class Restored:
         self._streams = [(fd, _dup(fd)) for fd in (0, 1, 2)]
         self._files = {name: getattr(sys, name) for name in ("stdin", "stdout", "stderr")}
         self._modules = dict(sys.modules)
-        self._registered = [(registry, dict(registry._classes)) for registry in _registries()]
+        self._registered = [(registry, dict(registry._classes)) for registry in Registry.every]
         self._members = [(owner, dict(vars(owner))) for owner in _owners() if owner.__name__ not in self._but]
         self._settings = [(setting, _now(setting)) for setting in (*SETTINGS, *GENERATORS)]
         threading.Thread.start = _daemonic(self._thread, threading.Thread.start)  # type: ignore[method-assign]
@@ -179,21 +182,18 @@ def guarded(cls: type) -> AbstractContextManager[None]:
 def _owners() -> Iterator[ModuleType | type]:
     """Modules and classes whose members must stay: those that this package calls, and its own."""
     loaded = dict(sys.modules)
-    called = [loaded[name] for name in _CALLED if isinstance(loaded.get(name), ModuleType)]
-    yield from called
+    yield from (loaded[name] for name in _CALLED if isinstance(loaded.get(name), ModuleType))
     yield from _ours()
     for module in _ours():
         yield from (v for v in dict(vars(module)).values() if isinstance(v, type) and v.__module__ == module.__name__)
-    yield from {
-        v for module in called for v in dict(vars(module)).values() if isinstance(v, type) and v.__flags__ & _HEAP
-    }
+    for path in _CLASSES:
+        module_name, _, name = path.rpartition(".")
+        cls = getattr(sys.modules.get(module_name), name, None)
+        if isinstance(cls, type):
+            yield cls
 
 
 def _ours() -> list[ModuleType]:
     return [
         module for name, module in dict(sys.modules).items() if name == "glossbench" or name.startswith("glossbench.")
     ]
-
-
-def _registries() -> set[Registry[Any]]:
-    return {v for module in _ours() for v in list(vars(module).values()) if isinstance(v, Registry)}
