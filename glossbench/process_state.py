@@ -23,8 +23,8 @@ _CALLED = (
     "torch.quasirandom", "scipy.optimize", "pandas", "yaml", "OpenEXR", "PIL.Image",
 )  # fmt: skip
 _CLASSES = (
-    "pathlib.Path", "pathlib.PurePath", "pathlib.PosixPath", "torch.Tensor", "torch.quasirandom.SobolEngine", "threading.Thread",
-    "json.encoder.JSONEncoder", "pandas.DataFrame", "PIL.Image.Image", "yaml.SafeDumper", "yaml.SafeLoader",
+    "pathlib.Path", "pathlib.PurePath", "pathlib.PosixPath", "torch.Tensor", "torch.quasirandom.SobolEngine",
+    "threading.Thread", "json.encoder.JSONEncoder", "pandas.DataFrame", "PIL.Image.Image", "yaml.SafeDumper", "yaml.SafeLoader",
 )  # fmt: skip
 _LEFT = {("sys", name) for name in ("last_type", "last_value", "last_traceback", "last_exc", "ps1", "ps2")}
 
