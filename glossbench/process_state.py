@@ -24,7 +24,8 @@ _CALLED = (
 )  # fmt: skip
 _CLASSES = (
     "pathlib.Path", "pathlib.PurePath", "pathlib.PosixPath", "torch.Tensor", "torch.quasirandom.SobolEngine",
-    "threading.Thread", "json.encoder.JSONEncoder", "pandas.DataFrame", "PIL.Image.Image", "yaml.SafeDumper", "yaml.SafeLoader",
+    "threading.Thread", "json.encoder.JSONEncoder", "pandas.DataFrame", "PIL.Image.Image", "yaml.SafeDumper",
+    "yaml.SafeLoader",
 )  # fmt: skip
 _LEFT = {("sys", name) for name in ("last_type", "last_value", "last_traceback", "last_exc", "ps1", "ps2")}
 
