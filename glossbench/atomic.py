@@ -23,7 +23,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """A path to write to, that takes the place of `path` when all went well: never a half-written file.
 
     What was written is on the disk before it bears its name, so that a loss of power leaves the old file or the new.
-    The signal that asks a process to end, SIGTERM, is a KeyboardInterrupt meanwhile, and leaves no half-written file.
+    Signals that ask a process to end are KeyboardInterrupts meanwhile, and leave no half-written file.
 
     Raises:
         CannotWrite: a full disk, a folder that is gone or cannot be written.
@@ -32,7 +32,7 @@ def replacing(path: Path) -> Iterator[Path]:
     ending = path.suffix if re.fullmatch(r"\.\w{1,8}", path.suffix, re.ASCII) else ""
     part = path.with_name(f".glossbench-{_here()}-{os.getpid()}-{uuid4().hex}{ending}")
     try:
-        with _asked_to_end():
+        with interrupted_when_asked():
             yield part
         _to_disk(part)
         os.replace(part, path)
@@ -46,16 +46,19 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def _asked_to_end() -> Iterator[None]:
-    """SIGTERM raises KeyboardInterrupt in the block, where nobody else handles it."""
-    is_ours = current_thread() is main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    if is_ours:
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+def interrupted_when_asked() -> Iterator[None]:
+    """SIGTERM, and SIGHUP of a closed terminal, raise KeyboardInterrupt in the block where nobody else handles them."""
+    ours = []
+    if current_thread() is main_thread():
+        asking = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+        ours = [number for number in asking if signal.getsignal(number) is signal.SIG_DFL]
+    for number in ours:
+        signal.signal(number, signal.default_int_handler)
     try:
         yield
     finally:
-        if is_ours:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number in ours:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def remove_abandoned(folder: Path) -> None:

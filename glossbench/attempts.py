@@ -1,4 +1,4 @@
-"""Cells that were begun: what ends the process in mid-cell is tried again once, and passed over from then on."""
+"""Cells that were begun: what ends the process in mid-cell is tried again, last of all, and passed over in the end."""
 
 import json
 import os
@@ -7,7 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-TRIES = 2  # one end may have been the user's, or another program's hunger for memory
+TRIES = 2  # of a plug-in: one end may have been the user's, or another program's hunger for memory
+OUR_TRIES = 5  # of what no plug-in takes part in: somebody else who ends the process is more likely
 
 
 class Attempt:
@@ -16,10 +17,12 @@ class Attempt:
     Args:
         folder: of the marks.
         key: of the work.
+        tries: how often it may end the process before it is passed over.
     """
 
-    def __init__(self, folder: Path, key: str) -> None:
+    def __init__(self, folder: Path, key: str, tries: int = TRIES) -> None:
         self._path = folder / f"{key}.begun"
+        self._tries = tries
         self._is_ours = False
         self.ended = self._before()
 
@@ -37,7 +40,7 @@ class Attempt:
     @property
     def is_hopeless(self) -> bool:
         """Whether it ended the process so often that it is passed over."""
-        return self.ended >= TRIES
+        return self.ended >= self._tries
 
     @property
     def told(self) -> str:

@@ -34,18 +34,20 @@ class Made:
         method = METHODS.create(cell.method.name, cell.method.options)
         return cls(material, view, method, tuple(key_text(each.name, each.key()) for each in (material, view, method)))
 
-    def check_unchanged(self) -> None:
+    def check_unchanged(self, cell: Cell) -> None:
         """That files which they read are still those that the keys name.
 
         Raises:
             Changed: they are not.
-            MethodError: a plug-in's key is another each time.
+            MethodError: a plug-in's key is another each time, or a plug-in wrote into one of ours.
         """
-        for each, key in zip((self.material, self.view, self.method), self.keys, strict=True):
-            if each.key() == key:
+        for i, each in enumerate((self.material, self.view, self.method)):
+            if each.key() == self.keys[i]:
                 continue
             if is_foreign(type(each)):
                 raise MethodError(f"{each.name}.key returns another text each time, or its file has changed")
+            if Made.of(cell).keys[i] == self.keys[i]:
+                raise MethodError(f"{self.method.name} writes into {each.name}, which others read")
             raise Changed(f"a file of {each.name} has changed while the study ran; run it again")
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, NamedTuple
 
-from glossbench.attempts import Attempt
+from glossbench.attempts import OUR_TRIES, TRIES, Attempt
 from glossbench.brdf.material import MATERIALS
 from glossbench.cell_items import Made, Sources
 from glossbench.claims import PLACES
@@ -33,6 +33,7 @@ class Identity(NamedTuple):
         reference_key: of its reference; empty where `key` is `spelled`.
         keys: of its material, view and method.
         error: why its own key is not known.
+        ended: how often the process ended in this cell.
     """
 
     key: str
@@ -40,6 +41,7 @@ class Identity(NamedTuple):
     reference_key: str = ""
     keys: tuple[str, ...] = ()
     error: BaseException | None = None
+    ended: int = 0
 
 
 class CellKeys:
@@ -72,7 +74,7 @@ class CellKeys:
         is_there = self._results.has_cell(spelled) and not self._results.damage_of_cell(spelled)
         if is_there and not again:
             return Identity(spelled, spelled)
-        tried = Attempt(self._marks, spelled)
+        tried = Attempt(self._marks, spelled, TRIES if is_foreign else OUR_TRIES)
         attempt = Attempt(self._marks, f"{spelled}_key")  # another one: it ends before the cell begins
         for each in (tried, attempt):
             if each.is_hopeless and not is_there:
@@ -93,7 +95,7 @@ class CellKeys:
         stated = [[*items[kind], key] for kind, key in zip(("material", "view", "method"), keys, strict=True)]
         reference_key = key_of([self._common, light_key, *(sources[place] for place in PLACES), *stated[:2]])
         key = key_of([reference_key, stated[2], sources["method"], sources["metrics"]])
-        return Identity(key, spelled, reference_key, keys)
+        return Identity(key, spelled, reference_key, keys, ended=tried.ended)
 
     def _keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:
         if is_foreign:

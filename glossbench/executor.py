@@ -85,7 +85,7 @@ class Executor:
             attempt.begin()
             with self._guarded(cell, row) if self.keys.sources.any_foreign(cell) else nullcontext():
                 made = replace(Made.of(cell), keys=known.keys)
-                made.check_unchanged()
+                made.check_unchanged(cell)
             columns, image, half_vectors = self._execute(cell, row, made)
         except BaseException as error:
             return self._failed(row, error)
@@ -133,7 +133,7 @@ class Executor:
             )
             notes = [note for each in (material, view, method) for note in notes_of(each.name, each.notes())]
             notes = [*self.lights.notes(cell.light), *notes]
-            made.check_unchanged()
+            made.check_unchanged(cell)
             if not self.lights.is_intact():
                 raise MethodError(f"{method.name} writes into the light, which others read")
             if digest_of(*shared) != before:
@@ -180,7 +180,7 @@ class Executor:
                     light, made.material, made.view, options.relative_error, options.max_samples, options.seed, tell,
                     self.results.folder / "references" if self.use_cache else None,
                 )  # fmt: skip
-                made.check_unchanged()
+                made.check_unchanged(cell)
             if not torch.isfinite(truth.radiance).all():
                 raise MethodError(f"the reference of {cell.material.name} is not finite everywhere")
             self.results.add_reference(key, truth, time.perf_counter() - started)

@@ -47,7 +47,7 @@ def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
 
 def origin(name: str) -> str:
     """The file of a plug-in that is loaded."""
-    return str(getattr(sys.modules[name], "__file__", None) or "no file")
+    return str(getattr(sys.modules.get(name), "__file__", None) or "no file")
 
 
 def _put_on_path(places: list[Path]) -> None:

@@ -1,5 +1,6 @@
 """Settings that a whole process shares, each with how it is read and put back."""
 
+import ctypes
 import gc
 import locale
 import logging
@@ -10,10 +11,14 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
+from operator import sub
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from torch import overrides
+from torch.utils import _python_dispatch
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGALRM", "SIGHUP", "SIGPIPE", "SIGCHLD")
                  if hasattr(signal, name))  # fmt: skip
@@ -83,6 +88,50 @@ def _put_device(before: torch.device) -> None:
     torch.set_default_device(None if before == torch.device("cpu") else before)
 
 
+def _modes() -> tuple[int, int]:
+    """How many blocks the process is in that see all that torch computes, and may change it."""
+    return overrides._len_torch_function_stack(), len(_python_dispatch._get_current_dispatch_mode_stack())
+
+
+def _put_modes(before: tuple[int, int]) -> None:
+    for pop, n in zip((overrides._pop_mode, _python_dispatch._pop_mode), map(sub, _modes(), before), strict=True):
+        for _ in range(n):
+            pop()
+
+
+def _mathematics() -> ctypes.CDLL | None:
+    """The C library that knows how this processor rounds."""
+    for name in ("libm.so.6", "libm.dylib"):
+        with suppress(OSError):
+            return ctypes.CDLL(name)
+    return None
+
+
+_MATHEMATICS = _mathematics()
+
+
+def _rounding() -> int:
+    return int(_MATHEMATICS.fegetround()) if _MATHEMATICS else 0
+
+
+def _put_rounding(before: int) -> None:
+    if _MATHEMATICS:
+        _MATHEMATICS.fesetround(before)
+
+
+_TIMERS = tuple(getattr(signal, name) for name in ("ITIMER_VIRTUAL", "ITIMER_PROF") if hasattr(signal, name))
+
+
+def _timers() -> list[tuple[float, float]]:
+    """Timers that count the processor's time; that of the clock is the time limit's."""
+    return [signal.getitimer(timer) for timer in _TIMERS]
+
+
+def _put_timers(before: list[tuple[float, float]]) -> None:
+    for timer, values in zip(_TIMERS, before, strict=True):
+        signal.setitimer(timer, *values)
+
+
 _ENTERED: list[torch.inference_mode] = []  # a mode ends with its object
 
 
@@ -110,11 +159,15 @@ class Setting(NamedTuple):
 
 
 SETTINGS = (
+    Setting("torch's device", torch.get_default_device, _put_device),
+    Setting("torch's modes", _modes, _put_modes),  # before anything that computes
+    Setting("how numbers are rounded", _rounding, _put_rounding),
     Setting("the working folder", os.getcwd, os.chdir),
     Setting("the environment", lambda: dict(os.environ), _put_environment),
     Setting("the locale", lambda: locale.setlocale(locale.LC_ALL), lambda v: locale.setlocale(locale.LC_ALL, v)),
     Setting("the mode of new files", _umask, os.umask),
     Setting("signals", _handlers, _put_handlers),
+    Setting("timers", _timers, _put_timers),
     Setting("blocked signals", _blocked, lambda v: signal.pthread_sigmask(signal.SIG_SETMASK, v)),
     Setting("limits", _limits, _put_limits),
     Setting("tracing", sys.gettrace, sys.settrace),
@@ -125,7 +178,6 @@ SETTINGS = (
     Setting("logging", _logging, _put_logging),
     Setting("numpy's errors", np.geterr, lambda v: np.seterr(**v)),
     Setting("torch's type", torch.get_default_dtype, torch.set_default_dtype),
-    Setting("torch's device", torch.get_default_device, _put_device),
     Setting("torch's threads", torch.get_num_threads, torch.set_num_threads),
     Setting("torch's gradients", torch.is_grad_enabled, torch.set_grad_enabled),
     Setting("torch's inference mode", torch.is_inference_mode_enabled, _put_inference),

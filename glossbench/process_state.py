@@ -5,21 +5,28 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from glossbench.errors import MethodError
+from glossbench.import_closure import is_installed
 from glossbench.process_settings import GENERATORS, SETTINGS, Setting
+from glossbench.registry import Registry
 
 # Beside this package: modules and classes that it calls, whose members a plug-in may replace.
 _CALLED = (
     "builtins", "io", "json", "json.decoder", "json.encoder", "os", "os.path", "time", "math", "zlib", "hashlib",
     "shutil", "tempfile", "threading", "signal", "random", "struct", "copy", "dataclasses", "inspect", "functools",
     "contextlib", "datetime", "traceback", "warnings", "logging", "importlib", "pathlib", "re", "socket",
-    "sys", "gc", "faulthandler", "subprocess", "numpy", "numpy.linalg", "torch", "torch.nn.functional",
-    "scipy.optimize",
+    "sys", "gc", "faulthandler", "subprocess", "uuid", "numpy", "numpy.linalg", "torch", "torch.nn.functional",
+    "torch.quasirandom", "scipy.optimize", "pandas", "yaml", "OpenEXR", "PIL.Image",
 )  # fmt: skip
-_CLASSES = ("pathlib.Path", "torch.Tensor", "threading.Thread", "json.encoder.JSONEncoder", "pandas.DataFrame")
+_CLASSES = (
+    "pathlib.Path", "pathlib.PurePath", "pathlib.PosixPath", "torch.Tensor", "torch.quasirandom.SobolEngine",
+    "threading.Thread", "json.encoder.JSONEncoder", "pandas.DataFrame", "PIL.Image.Image", "yaml.SafeDumper",
+    "yaml.SafeLoader",
+)  # fmt: skip
 _LEFT = {("sys", name) for name in ("last_type", "last_value", "last_traceback", "last_exc", "ps1", "ps2")}
 
 
@@ -47,6 +54,8 @@ class Restored:
         self._recursion = sys.getrecursionlimit()
         self._streams = [(fd, _dup(fd)) for fd in (0, 1, 2)]
         self._files = {name: getattr(sys, name) for name in ("stdin", "stdout", "stderr")}
+        self._modules = dict(sys.modules)
+        self._registered = [(registry, dict(registry._classes)) for registry in Registry.every]
         self._members = [(owner, dict(vars(owner))) for owner in _owners() if owner.__name__ not in self._but]
         self._settings = [(setting, _now(setting)) for setting in (*SETTINGS, *GENERATORS)]
         threading.Thread.start = _daemonic(self._thread, threading.Thread.start)  # type: ignore[method-assign]
@@ -55,6 +64,7 @@ class Restored:
         sys.setrecursionlimit(self._recursion)  # before anything that calls deeper
         if os.getpid() != self._pid:
             os._exit(1)
+        self._modules_put_back()
         failed = [*self._members_put_back(), *self._streams_put_back()]
         for setting, before in self._settings:
             try:
@@ -64,6 +74,16 @@ class Restored:
                 failed.append(setting.what)
         if failed and error is None:
             raise MethodError(f"{self._by} changes {', '.join(failed)} of this process, which cannot be put back")
+
+    def _modules_put_back(self) -> None:
+        """What sys.modules and the registries have lost, but for modules of somebody: these change and are reloaded."""
+        for name, module in self._modules.items():
+            file = getattr(module, "__file__", None)
+            if name not in sys.modules and (not isinstance(file, str) or is_installed(Path(file))):
+                sys.modules[name] = module
+        for registry, classes in self._registered:
+            for name, cls in classes.items():
+                registry._classes.setdefault(name, cls)
 
     def _members_put_back(self) -> Iterator[str]:
         for owner, before in self._members:
@@ -163,14 +183,18 @@ def guarded(cls: type) -> AbstractContextManager[None]:
 def _owners() -> Iterator[ModuleType | type]:
     """Modules and classes whose members must stay: those that this package calls, and its own."""
     loaded = dict(sys.modules)
-    ours = [module for name, module in loaded.items() if name == "glossbench" or name.startswith("glossbench.")]
-    for module in [*(loaded[name] for name in _CALLED if name in loaded), *ours]:
-        if isinstance(module, ModuleType):
-            yield module
-    for module in ours:
+    yield from (loaded[name] for name in _CALLED if isinstance(loaded.get(name), ModuleType))
+    yield from _ours()
+    for module in _ours():
         yield from (v for v in dict(vars(module)).values() if isinstance(v, type) and v.__module__ == module.__name__)
     for path in _CLASSES:
         module_name, _, name = path.rpartition(".")
-        cls = getattr(loaded.get(module_name), name, None)
+        cls = getattr(sys.modules.get(module_name), name, None)
         if isinstance(cls, type):
             yield cls
+
+
+def _ours() -> list[ModuleType]:
+    return [
+        module for name, module in dict(sys.modules).items() if name == "glossbench" or name.startswith("glossbench.")
+    ]

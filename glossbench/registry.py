@@ -7,7 +7,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import entry_points
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from glossbench.catalog import KINDS, Entry, entries
 from glossbench.documentation import documentation
@@ -26,7 +26,10 @@ class Registry(Generic[T]):
     Python lets one thread do for all; an import that is interrupted is begun again by whoever asks next.
     """
 
+    every: ClassVar[list["Registry[Any]"]] = []
+
     def __init__(self, kind: str, home: str, group: str) -> None:
+        self.every.append(self)
         self.kind = kind
         self._home = home
         self._group = group

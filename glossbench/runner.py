@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas
 
+from glossbench.atomic import interrupted_when_asked
 from glossbench.brdf.material import MATERIALS
 from glossbench.envmap.lights import LIGHTS
 from glossbench.errors import InputError
@@ -26,6 +27,7 @@ from glossbench.verdicts import judge
 
 
 @settled()
+@interrupted_when_asked()
 def run_study(
     study: Study,
     folder: Path,
@@ -39,7 +41,8 @@ def run_study(
 
     A cell that raises anything but KeyboardInterrupt has failed, and the run goes on. So has one that takes longer
     than the study's time limit; where its code cannot be interrupted this process ends with exit code 1, and the
-    next run goes on with the next cell.
+    next run goes on with the next cell. A cell in which the process was ended from outside comes last when the study
+    is run again.
 
     Args:
         use_cache: False computes cells and references anew.
@@ -61,7 +64,8 @@ def run_study(
     _check_own_study(study, results)
     results.create()
     started = datetime.now(UTC)
-    rows, running = [], children()
+    rows: dict[int, dict[str, Any]] = {}
+    running = children()
     try:
         known = [executor.keys.of(cell, rerun_failed or not use_cache) for cell in cells]
         entries = [
@@ -71,16 +75,16 @@ def run_study(
         if kept := results.begin(study.resolved(), entries, provenance(study.device, started)):
             progress.note(kept)
         progress.begin(len(cells))
-        for cell, each in zip(cells, known, strict=True):
-            row = executor.run(cell, each, rerun_failed)
-            rows.append(row)
-            progress.cell(row)
+        for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # what may end the process, last
+            rows[i] = executor.run(cells[i], known[i], rerun_failed)
+            progress.cell(rows[i])
     finally:
         end_children(but=running)
+    in_order = [rows[i] for i in range(len(cells))]
     results.finish(
         study.resolved(),
-        judge(study.claims, pandas.DataFrame(rows)),
-        rows,
+        judge(study.claims, pandas.DataFrame(in_order)),
+        in_order,
         provenance(study.device, started, {name: origin(name) for name in study.plugins}),
     )
     return results

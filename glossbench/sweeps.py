@@ -1,5 +1,6 @@
 """Sweeps: an item of a study with its lists, zip and tune -> the variants that it stands for."""
 
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
@@ -82,11 +83,14 @@ class Form:
                 options |= dict(zip(axis.options, of_axis, strict=True))
             try:
                 complete = self.cls.create(options).as_dict()
+                json.dumps(complete)  # as a plug-in's own may not be
             except ValueError as error:
                 text = str(error).removeprefix(self.cls.name)
+                text = f": {text}" if text == str(error) else text
                 raise self._document.error(self.path, f"{path_text(self.path)}{text}") from error
             except (Exception, SystemExit) as error:  # of a plug-in's constructor
-                text = f"{path_text(self.path)} cannot be made: {one_line(error)} ({place_of(error)})"
+                place = f" ({found})" if (found := place_of(error)) else ""
+                text = f"{path_text(self.path)} cannot be made: {one_line(error)}{place}"
                 raise self._document.error(self.path, text) from error
             if self._kind == "methods":
                 yield MethodItem(self.cls.name, complete, self.tune, self._follows_seed)

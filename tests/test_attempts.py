@@ -2,6 +2,8 @@
 
 import json
 import os
+import signal
+import socket
 import sys
 
 import pytest
@@ -11,6 +13,7 @@ from glossbench.attempts import Attempt
 from glossbench.costs import timed
 from glossbench.envmap.files import write_exr
 from glossbench.envmap.lights import LIGHTS, Light
+from glossbench.executor import Executor
 from glossbench.metrics import METRICS, Metric
 from glossbench.results import Results
 from glossbench.runner import Progress, run_study
@@ -189,3 +192,57 @@ def test_an_option_called_samples_is_no_budget_unless_the_method_says_so(study_o
 
     assert list(cells["budget"]) == [""] * 3
     assert list(cells["n_samples"]) == [1] * 3
+
+
+@pytest.fixture
+def ended(study_of, tmp_path, monkeypatch):
+    """Levels in the order in which a run shades them, after the process ended so often in a cell, by its level."""
+
+    def run(times, tries=2):
+        cells, order = study_of().cells(), []
+        monkeypatch.setattr("glossbench.attempts.TRIES", tries)
+        monkeypatch.setattr("glossbench.cell_keys.TRIES", tries)
+        executor = Executor(study_of(), Results(tmp_path / "r"), Progress())
+        executor.results.create()
+        known = {cell.method.options["level"]: executor.keys.of(cell).spelled for cell in cells}
+        (tmp_path / "r" / "begun").mkdir()
+        for level, n in times.items():
+            mark = {"times": n, "host": socket.gethostname(), "pid": DEAD}
+            (tmp_path / "r" / "begun" / f"{known[level]}.begun").write_text(json.dumps(mark))
+
+        def shade(self, points):
+            order.append(self.level)
+            return torch.full((len(points), 3), float(self.level))
+
+        monkeypatch.setattr(Shown, "shade", shade)
+        return order, run_study(study_of(), tmp_path / "r").cells
+
+    return run
+
+
+def test_what_ended_the_process_most_often_comes_last_and_stands_at_its_place(ended):
+    order, cells = ended({1: 2, 2: 1}, tries=5)
+
+    assert order == [3, 2, 1]
+    assert [json.loads(options)["level"] for options in cells["options"]] == [1, 2, 3]
+
+
+def test_a_cell_without_plug_ins_is_tried_more_often(ended, monkeypatch):
+    monkeypatch.setattr("glossbench.cell_items.is_foreign", lambda cls: False)
+
+    assert list(ended({1: 4, 2: 5})[1]["status"]) == ["done", "failed", "done"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no such signals")
+@pytest.mark.parametrize("number", ["SIGTERM", "SIGHUP"])
+def test_a_run_that_is_asked_to_end_is_interrupted_and_leaves_no_mark(study_of, tmp_path, monkeypatch, number):
+    def shade(self, points):
+        os.kill(os.getpid(), getattr(signal, number))
+        return torch.ones(len(points), 3)
+
+    monkeypatch.setattr(Shown, "shade", shade)
+    with pytest.raises(KeyboardInterrupt):
+        run_study(study_of(), tmp_path / "r")
+
+    assert not (tmp_path / "r" / "begun").exists()
+    assert signal.getsignal(getattr(signal, number)) is signal.SIG_DFL

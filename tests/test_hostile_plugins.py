@@ -162,6 +162,10 @@ FAULTS = {
     "writes into the light's memory": ("light.faces.numpy()[:] *= 2", "hostile writes into the light"),
     "writes into the points": ("points.n.x.add_(1)", "hostile.shade writes into 'points'"),
     "writes into the pyramid": ("pyramid.texels.zero_()", "hostile.shade writes into 'pyramid'"),
+    "writes into the material": (
+        "object.__setattr__(material, 'alpha', (0.9, 0.9))",
+        "hostile writes into ggx, which others",
+    ),
     "writes and raises": ("light.faces.numpy()[:] *= 2; raise ValueError('then')", "ValueError: then"),
 }
 

@@ -1,5 +1,6 @@
 """What a plug-in changes of the process is put back."""
 
+import ctypes
 import json
 import locale
 import os
@@ -11,15 +12,19 @@ import threading
 import time
 import warnings
 from contextlib import suppress
+from pathlib import Path, PurePath
 
 import numpy as np
+import OpenEXR
 import pytest
 import torch
+from PIL import Image
+from torch.overrides import TorchFunctionMode
 
 from glossbench.costs import Timing, timed
 from glossbench.digests import digest_of
 from glossbench.process_state import Restored
-from glossbench.shading import Method
+from glossbench.shading import METHODS, Method
 
 KEPT: list[object] = []
 
@@ -35,6 +40,13 @@ def infer() -> None:
     """Enter inference mode, and never leave it."""
     KEPT.append(torch.inference_mode())
     KEPT[-1].__enter__()
+
+
+class Zero(TorchFunctionMode):
+    """All that torch computes is zero."""
+
+    def __torch_function__(self, func, types, args=(), kwargs=None):
+        return func(*args, **(kwargs or {})) * 0 if func is torch.Tensor.mul else func(*args, **(kwargs or {}))
 
 
 CHANGES = {
@@ -65,6 +77,14 @@ CHANGES = {
     "torch's device": (torch.get_default_device, lambda: torch.set_default_device("meta")),
     "torch's gradients": (torch.is_grad_enabled, lambda: torch.set_grad_enabled(not torch.is_grad_enabled())),
     "torch's inference mode": (torch.is_inference_mode_enabled, infer),
+    "a function mode of torch": (lambda: float(torch.ones(1).mul(2)), lambda: Zero().__enter__()),
+    "how numbers are rounded": (lambda: sum([1.0, 2.0**-60]), lambda: ctypes.CDLL("libm.so.6").fesetround(0x800)),
+    "a timer": (lambda: signal.getitimer(signal.ITIMER_PROF), lambda: signal.setitimer(signal.ITIMER_PROF, 1000)),
+    "a module that is gone": (lambda: sys.modules.get("json.encoder"), lambda: sys.modules.pop("json.encoder")),
+    "a registered name that is gone": (lambda: sorted(METHODS._classes), lambda: METHODS._classes.clear()),
+    "a method of paths": (lambda: Path("a") / "b", lambda: setattr(PurePath, "__truediv__", lambda *_: None)),
+    "a library of images": (lambda: OpenEXR.File, lambda: setattr(OpenEXR, "File", None)),
+    "a method of a library's class": (lambda: Image.Image.save, lambda: setattr(Image.Image, "save", None)),
     "torch's threads": (torch.get_num_threads, lambda: torch.set_num_threads(torch.get_num_threads() + 1)),
 }  # fmt: skip
 
