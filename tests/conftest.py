@@ -22,6 +22,28 @@ def _registries_as_they_were():
         registry._classes.update(classes)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _nothing_waits():
+    """Work is not run again to be timed, but where `several_runs` is asked for; no write waits for the disk."""
+    from glossbench import shading, stage_cache  # late, as they import torch
+    from glossbench.costs import timed
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (shading, stage_cache):
+            patch.setattr(module, "timed", lambda work, device, patience: timed(work, device, 0))
+        patch.setattr(os, "fsync", lambda opened: None)
+        yield
+
+
+@pytest.fixture
+def several_runs(monkeypatch):
+    """Work is timed as outside of tests: run again and again."""
+    from glossbench.costs import timed
+
+    for module in ("shading", "stage_cache"):
+        monkeypatch.setattr(f"glossbench.{module}.timed", timed)
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of real light files and its MANIFEST.yaml; skips where it is absent."""

@@ -10,7 +10,6 @@ import pytest
 import torch
 
 from glossbench.attempts import Attempt
-from glossbench.costs import timed
 from glossbench.envmap.files import write_exr
 from glossbench.envmap.lights import LIGHTS, Light
 from glossbench.executor import Executor
@@ -70,7 +69,6 @@ def gone():
 
 @pytest.fixture
 def study_of(tmp_path, monkeypatch):
-    monkeypatch.setattr("glossbench.shading.timed", lambda work, device, patience: timed(work, device, 0))
     for registry, cls in ((METHODS, Shown), (LIGHTS, Gone), (METRICS, Odd)):
         registry.names()
         monkeypatch.setitem(registry._classes, cls.name, cls)

@@ -193,7 +193,7 @@ def reference(light, material, relative_error=2e-3, seed=0):
 @cache
 def seeds_of(light, material):
     """Radiance and standard error (S, P, 3) of 20 seeds."""
-    runs = [reference(lights()[light], MATERIALS[material].material(), 2e-2, seed) for seed in range(N_SEEDS)]
+    runs = [reference(lights()[light], MATERIALS[material].material(), 4e-2, seed) for seed in range(N_SEEDS)]
     return np.stack([r[0] for r in runs]), np.stack([r[1] for r in runs])
 
 
@@ -304,7 +304,7 @@ def test_honesty_checks_notice_a_standard_error_that_is_off_by_two(factor):
 def test_same_seed_gives_the_same_bytes_and_another_seed_agrees_within_the_error():
     radiance, standard_error = seeds_of("rough", "kurt")
 
-    again = reference(lights()["rough"], MATERIALS["kurt"].material(), 2e-2, seed=0)
+    again = reference(lights()["rough"], MATERIALS["kurt"].material(), 4e-2, seed=0)
 
     assert (again[0] == radiance[0]).all()
     assert (again[1] == standard_error[0]).all()

@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 import torch
 
-from glossbench.costs import timed
 from glossbench.errors import MethodError
 from glossbench.results import Results
 from glossbench.runner import Progress, run_study
@@ -130,12 +129,6 @@ def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     with pytest.MonkeyPatch.context() as patch:
         return decent_cells(run_study(maker(folder, patch)(hostile=False), folder / "r").folder)
-
-
-@pytest.fixture(autouse=True)
-def once(monkeypatch):
-    """No work is run again to be timed: times are not looked at here."""
-    monkeypatch.setattr("glossbench.shading.timed", lambda work, device, patience: timed(work, device, 0))
 
 
 # Body of shade, and the last line of the reason.
@@ -321,6 +314,11 @@ def test_a_failed_cell_is_not_tried_again_unless_asked(study_of, tmp_path):
     assert list(kept["key"]) == list(again["key"])
 
 
+def watching() -> list[str]:
+    """Threads that look after a limit."""
+    return [t.name for t in threading.enumerate() if "watch" in t.name]
+
+
 def test_the_limit_leaves_alarms_as_they_were(study_of, tmp_path):
     before = signal.getsignal(signal.SIGALRM)
 
@@ -329,9 +327,9 @@ def test_the_limit_leaves_alarms_as_they_were(study_of, tmp_path):
     assert signal.getsignal(signal.SIGALRM) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     deadline = time.monotonic() + 5
-    while threading.active_count() > 1 and time.monotonic() < deadline:
+    while watching() and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert [t.name for t in threading.enumerate() if "watch" in t.name] == []
+    assert watching() == []
 
 
 def test_work_within_the_limit_is_left_alone():

@@ -47,6 +47,12 @@ def plain(monkeypatch):
     monkeypatch.setattr(pdf, "_images", lambda *_: (None, []))
 
 
+@pytest.fixture
+def imageless(monkeypatch):
+    """What is said of plots needs no images."""
+    monkeypatch.setattr(pdf, "_images", lambda *_: (None, []))
+
+
 def pages_of(content):
     document = pypdfium2.PdfDocument(content)
     try:
@@ -293,7 +299,7 @@ def test_a_crop_is_found_to_the_pixel(size):
         assert crops_of([error], np.ones(size, bool), 1.0, 1) == [Crop(x, y, side, side)]
 
 
-def test_what_a_study_sweeps_is_plotted_first(tmp_path):
+def test_what_a_study_sweeps_is_plotted_first(imageless, tmp_path):
     text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())
 
     assert "spots, kurt, sphere: rms over s of the material" in text
@@ -500,7 +506,7 @@ def test_a_sole_method_is_named_once_in_a_key(pages_of_many):
         assert "regular_sampling (levels l" not in text
 
 
-def test_along_a_swept_parameter_one_condition_stands_for_many(tmp_path, monkeypatch):
+def test_along_a_swept_parameter_one_condition_stands_for_many(imageless, tmp_path, monkeypatch):
     monkeypatch.setattr(pdf, "MANY_PLACES", 2)
 
     text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())

@@ -108,7 +108,7 @@ def test_a_method_without_an_option_never_lends_its_stage_to_one_that_has_it():
         assert [float(i.radiance.max()) for i in images] == [getattr(m, "scale", 1.0) for m in (first, second)]
 
 
-def test_a_stage_made_without_timing_is_timed_warm_when_its_time_counts():
+def test_a_stage_made_without_timing_is_timed_warm_when_its_time_counts(several_runs):
     CALLS.clear()
     cache = StageCache()
 
