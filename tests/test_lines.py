@@ -12,6 +12,7 @@ from glossbench.reports.equal import error_at_time, time_at_error
 from glossbench.reports.figures import COLOURS
 from glossbench.reports.lines import Axis, Line, front, lines_at
 from glossbench.reports.print_plots import facets, over_sweep
+from glossbench.reports.print_tables import equal_table
 from glossbench.reports.sweeps import Label, places_of, sweeps_of, with_costs
 from glossbench.rows import parsed
 
@@ -218,6 +219,31 @@ def test_two_lines_of_one_budget_meet_at_the_first_round_time_after_both():
     table = error_at_time([line("a", 0, [3], [0.3]), line("b", 1, [11], [0.1])], Axis("rms"))
 
     assert (list(table.at), table.best) == ([15], [1])
+
+
+def test_a_line_between_the_columns_is_there_and_keeps_others_from_being_the_best():
+    """31 to 39 ms: between 30 and 40; from there on the sole point is the lowest of those that have a number."""
+    short, wide = line("short", 0, [31, 39], [0.02, 0.01]), line("wide", 1, [1, 60], [2, 1])
+
+    table = error_at_time([short, wide, line("sole", 2, [20], [0.1])], Axis("rms"))
+
+    assert [each.name for each in table.lines] == ["short", "wide", "sole"]
+    assert table.rows[0] == [None] * len(table.at)
+    assert dict(zip(table.at, table.best, strict=True)) == {20: 2, 30: 2, 40: None, 50: None}
+
+
+def test_a_line_without_a_number_that_did_not_come_lower_leaves_the_best_alone():
+    table = error_at_time([line("early", 0, [1, 3], [2, 1]), *powers()[0]], Axis("rms"))
+
+    assert table.rows[0][-1] is None
+    assert table.best[-1] == 2
+
+
+def test_heads_of_equal_tables_in_print_are_the_columns_themselves():
+    table = time_at_error([line("a", 0, [1, 10], [4, 1]), line("b", 1, [1, 10], [4, 1])], Axis("rms"))
+
+    heads = [column["title"] for column in equal_table(table, "", "")["columns"][1:]]
+    assert (heads, len(set(heads))) == (["4", "3", "2", "1.5", "1"], 5)
 
 
 def spread(of, low, high):
