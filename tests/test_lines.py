@@ -440,6 +440,16 @@ def test_a_method_of_one_budget_is_in_every_facet():
     assert all("lookup" in [line.name for line in panel.drawn] for panel in panels)
 
 
+def test_a_sole_budget_is_in_the_name_of_a_line_beside_lines_that_are_named_by_their_budgets():
+    def named_at(others):
+        given = swept([({"method": "fis"}, {"k": k, "samples": n}, 0.1) for k in (1, 2) for n in others])
+        given += swept([({"method": "is", "key": f"is {k}"}, {"k": k, "samples": 16}, 0.1) for k in (1, 2)])
+        return [line.name for line in lines_at(places(given, "k")[0], "rms")]
+
+    assert named_at((8, 32)) == ["fis (samples 8)", "fis (samples 32)", "is (samples 16)"]
+    assert named_at((16,)) == ["fis", "is"]
+
+
 def test_a_colour_is_a_method_and_its_lines_are_shades_and_dashes():
     given = swept(
         [({"method": name}, {"filter": f, "samples": n}, 0.1)
