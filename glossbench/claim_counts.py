@@ -20,7 +20,7 @@ from glossbench.claims import (
     sides_of,
 )
 from glossbench.shading import METHODS
-from glossbench.study_claims import claim_index, places_in
+from glossbench.study_claims import places_in
 
 if TYPE_CHECKING:
     from glossbench.study import Study
@@ -36,7 +36,7 @@ class Count(NamedTuple):
 
 def counts(study: "Study") -> list[Count]:
     """The count of each claim, in their order."""
-    index, kept = claim_index(study), study.kept
+    index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
         options.setdefault(item.name, set()).update(item.options)

@@ -297,7 +297,12 @@ def unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]])
 
 
 def agrees(wanted: Any, actual: Any) -> bool:
-    """Whether an option has the value wanted: equal, one of a list, or a scalar that all components equal."""
+    """Whether an option has the value wanted: equal, one of a list, or a scalar that all components equal.
+
+    {tune: metric} agrees with every option that was tuned by this metric, whatever the range.
+    """
+    if isinstance(wanted, dict) and isinstance(actual, dict):
+        return all(key in actual and agrees(value, actual[key]) for key, value in wanted.items())
     if isinstance(actual, list) and not isinstance(wanted, list):
         return bool(actual) and all(agrees(wanted, component) for component in actual)
     if isinstance(wanted, list) and not isinstance(actual, list):

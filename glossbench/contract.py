@@ -71,7 +71,8 @@ def _methods_of(name: str) -> list[Method]:
         with Restored(f"plugin {name!r}"):
             import_plugin(name)
     except NoSuchModule as error:
-        where = f": {error}" if "." in name else nearest(name, METHODS.names())
+        hint = nearest(name, METHODS.names())
+        where = hint if "did you mean" in hint else f": {error}"
         raise InputError(f"unknown method {name!r}, nor a module{where}") from None
     except (Exception, SystemExit) as error:  # a plug-in is anyone's code
         told = str(error) if isinstance(error, InputError) else one_line(error)

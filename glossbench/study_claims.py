@@ -112,7 +112,7 @@ def _instead_of(entry: Any) -> str:
 
 def _check_where(document: Document, study: "Study", claims: list[Claim], any_light: bool) -> None:
     """InputError for a claim that no cell of one of its sides is about."""
-    index, kept = claim_index(study), study.kept
+    index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
         options.setdefault(item.name, set()).update(item.options)
@@ -132,16 +132,6 @@ def _check_where(document: Document, study: "Study", claims: list[Claim], any_li
             path: KeyPath = next((path for path, each in fits.items() if not each.any()), ("claims", i))
             keys = wanted.get(path, {**where, **options_of(side), **places_of(side)})
             raise document.error(path, f"{path_text(path)} fits no cell of {name}{_held(index, own, keys)}")
-
-
-def claim_index(study: "Study") -> CellIndex:
-    """All combinations of a study's items; a tuned option is left out, for it may become anything."""
-    items = {kind: [(item.name, item.options) for item in of_kind] for kind, of_kind in places_in(study).items()}
-    items["method"] = [
-        (item.name, {k: v for k, v in item.options.items() if item.tune is None or k != item.tune.option})
-        for item in study.methods
-    ]
-    return CellIndex.product(items)
 
 
 def places_in(study: "Study") -> dict[str, Any]:

@@ -29,13 +29,13 @@ class Value(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Rows are lines, columns are times or errors.
+    """Rows are the lines that have points, columns are times or errors.
 
     Attributes:
         at: the heads of the columns.
         rows: a value a column, None beyond the points of a line: nothing is extrapolated.
         best: of each column the place of the line with the lowest value, where its runs are all below those of the
-            others; None where they overlap.
+            others, and another that has no value here did not come as low by its own points; else None.
     """
 
     at: Sequence[float]
@@ -88,19 +88,27 @@ class Curve(NamedTuple):
                 return Value(*map(exp, times))
         return None
 
+    def least_error(self, time: float) -> float:
+        """Of the points that take no longer, the lowest error; infinite where there is none."""
+        return exp(self.error[self.time <= log(time)].min(initial=inf))
+
+    def least_time(self, error: float) -> float:
+        """Of the points with no more error, the shortest time; infinite where there is none."""
+        return exp(self.time[self.error <= log(error)].min(initial=inf))
+
 
 def error_at_time(lines: Sequence[Line], axis: Axis) -> Table | None:
     """The error of each line at round shading times [ms]; None where no two lines share one."""
     curves = [_curve(line, axis) for line in lines]
     ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time)]
-    return _table(ends, lines, lambda time: [curve.error_at(time) for curve in curves])
+    return _table(ends, lines, curves, Curve.error_at, Curve.least_error)
 
 
 def time_at_error(lines: Sequence[Line], axis: Axis) -> Table | None:
     """The least shading time [ms] at which each line comes down to round errors; None where no two lines share one."""
     curves = [_curve(line, axis) for line in lines]
     ends = [(c.error.min(), c.error[0]) for c in curves if len(c.error)]
-    table = _table(ends, lines, lambda error: [curve.time_at(error) for curve in curves])
+    table = _table(ends, lines, curves, Curve.time_at, Curve.least_time)
     return table and Table(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
 
 
@@ -114,31 +122,38 @@ def _curve(line: Line, axis: Axis) -> Curve:
 
 
 def _table(
-    ends: Sequence[tuple[float, float]], lines: Sequence[Line], values_at: Callable[[float], list[Value | None]]
-) -> Table | None:
-    """Columns that two lines or more have a value in, thinned evenly; lines that have one in any."""
+    ends: Sequence[tuple[float, float]], lines: Sequence[Line], curves: Sequence[Curve],
+    value_at: Callable[[Curve, float], Value | None], least_at: Callable[[Curve, float], float],
+) -> Table | None:  # fmt: skip
+    """Columns that two lines or more have a value in, thinned evenly.
+
+    Args:
+        least_at: what a line reached by its points alone: a line without a value may have come lower than the best.
+    """
+    with_points = [(line, curve) for line, curve in zip(lines, curves, strict=True) if len(curve.time)]
     columns: dict[float, list[Value | None]] = {}
     for digits in DIGITS:
-        columns = {at: values_at(at) for at in _round_values(ends, digits)}
+        columns = {at: [value_at(curve, at) for _, curve in with_points] for at in _round_values(ends, digits)}
         columns = {at: found for at, found in columns.items() if sum(value is not None for value in found) > 1}
         if len(columns) >= FEWEST_COLUMNS:
             break
     shared = list(columns)
     if len(shared) > MOST_COLUMNS:
         shared = [shared[round(i * (len(shared) - 1) / (MOST_COLUMNS - 1))] for i in range(MOST_COLUMNS)]
-    kept = [i for i in range(len(lines)) if any(columns[at][i] is not None for at in shared)]
-    if not kept:
+    if not shared:
         return None
-    rows = [[columns[at][i] for at in shared] for i in kept]
-    return Table(shared, [lines[i] for i in kept], rows, [_best(column) for column in zip(*rows, strict=True)])
+    rows = [[columns[at][i] for at in shared] for i in range(len(with_points))]
+    best = [_best(columns[at], [least_at(curve, at) for _, curve in with_points]) for at in shared]
+    return Table(shared, [line for line, _ in with_points], rows, best)
 
 
-def _best(column: Sequence[Value | None]) -> int | None:
-    """The place of the lowest value, where its runs do not overlap with those of another."""
+def _best(column: Sequence[Value | None], least: Sequence[float]) -> int | None:
+    """The place of the lowest value, where its runs do not overlap with those of another, nor is one without lower."""
     (first, best), *others = sorted(
         ((i, value) for i, value in enumerate(column) if value is not None), key=lambda pair: pair[1]
     )
-    return first if all(best.high < other.low for _, other in others) else None
+    unseen = [reached for value, reached in zip(column, least, strict=True) if value is None]
+    return first if all(best.high < other for other in (*unseen, *(value.low for _, value in others))) else None
 
 
 def _round_values(ends: Sequence[tuple[float, float]], digits: Sequence[float]) -> list[float]:

@@ -1,6 +1,7 @@
 """Tables for print: what each cell reached and cost, the references, and the numbers behind verdicts, as text."""
 
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 from typing import Any
 
 from glossbench.metrics import METRICS
@@ -95,7 +96,7 @@ def reference_table(groups: Sequence[Group]) -> dict[str, Any] | None:
 def equal_table(table: Table, caption: str, unit: str) -> dict[str, Any]:
     """What each line would reach at equal times or errors, between the points it has."""
     title, names = named(table.lines)
-    columns = [_column(title or "method"), *(_column(number(at, 1), unit) for at in table.at)]
+    columns = [_column(title or "method"), *(_column(f"{at:g}", unit) for at in table.at)]
     rows = [
         {"name": name, "options": "", "cells": [
             _text(_with_spread(number(value.middle), spread_of(*value)) if value else "–", best == i)
@@ -109,6 +110,8 @@ def equal_table(table: Table, caption: str, unit: str) -> dict[str, Any]:
         caption += "; a line of one budget, or of none, has its own error at any time that suffices for it"
     if any(value and value.has_spread for values in table.rows for value in values):
         caption += "; below, by the fastest and the slowest runs: where these overlap no line is the best"
+    if any(value and value.high == inf for values in table.rows for value in values):
+        caption += "; ∞: the slowest run does not end in that time"
     return {"caption": f"{caption}.", "columns": columns, "groups": [{"title": "", "rows": rows}]}
 
 

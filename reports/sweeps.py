@@ -200,13 +200,22 @@ def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
-    """By key of each cell the label of its line, which is a method with the options that tell it from others."""
+    """By key of each cell the label of its line, which is a method with the options that tell it from others.
+
+    Beside lines that are named by their budgets, the sole budget of a method is in its name, too.
+    """
     cells = sorted((cell for group in groups for cell in group.cells), key=lambda cell: cell.index)
     rows = [cell.row for cell in cells]
     names: dict[str, str] = {}  # by key of a cell
     lines: dict[str, tuple[str, dict[str, str], str]] = {}  # by name the method, the options and the budget
-    for row, (_, options) in zip(rows, told_apart(rows, _told_over(over)), strict=True):
-        name = f"{row['method']} ({listed(options)})" if options else str(row["method"])
+    told = [options for _, options in told_apart(rows, _told_over(over))]
+    has_budgets = any(row["budget"] in options for row, options in zip(rows, told, strict=True))
+    for row, options in zip(rows, told, strict=True):
+        sole = {row["budget"]: row["options"].get(row["budget"])} if has_budgets and budget_of(row) is not None else {}
+        called = listed(
+            options | {key: value for key, value in sole.items() if key not in (*options, _told_over(over))}
+        )
+        name = f"{row['method']} ({called})" if called else str(row["method"])
         names[row["key"]] = name
         lines[name] = str(row["method"]), options, row["budget"]
     of_methods: dict[str, list[dict[str, str]]] = {}

@@ -412,6 +412,8 @@ def test_a_tuned_value_is_not_a_stated_one():
         "spots, kurt, sphere, samples 14, bias 0 against b",
     ]
     assert verdict_on({**LOWER, "where": {"bias": 0}}, *rows)["verdict"] == "does not hold"
+    best_of_all = {**LOWER, "lower": {"a": {"bias": {"tune": "rms"}}}, "than": {"a": {"bias": 0}}}
+    assert verdict_on(best_of_all, *rows)["summary"].startswith("Holds in 1 of 1 cases; rms of a (bias tuned by rms)")
 
 
 def test_lights_of_one_file_name_are_told_apart_in_verdicts():

@@ -541,6 +541,8 @@ def test_info_lists_every_name(call):
     for registry in registries().values():
         assert all(name in words(out).replace(",", "").split() for name in registry.names())
     assert all(name in words(out) for name in study_files())
+    lines = [line for line in out.splitlines() if line]
+    assert {line[:13].strip() for line in lines} == {"", *registries(), "study", "public file"}  # names stand apart
 
 
 @pytest.mark.parametrize("kind", registries())

@@ -510,6 +510,7 @@ def test_all_checks_run_on_a_method_without_options_and_black_is_broken(module):
     ("name", "code", "message"),
     [
         ("importance_samplin", None, r"^unknown method 'importance_samplin', nor a module; did you mean"),
+        ("unheard_of", None, r"^unknown method 'unheard_of', nor a module: no such module: not in /.*, nor installed$"),
         ("json", None, "^module 'json' registers no method$"),
         (
             "contract_test_broken",

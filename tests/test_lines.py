@@ -12,6 +12,7 @@ from glossbench.reports.equal import error_at_time, time_at_error
 from glossbench.reports.figures import COLOURS
 from glossbench.reports.lines import Axis, Line, front, lines_at
 from glossbench.reports.print_plots import facets, over_sweep
+from glossbench.reports.print_tables import equal_table
 from glossbench.reports.sweeps import Label, places_of, sweeps_of, with_costs
 from glossbench.rows import parsed
 
@@ -220,6 +221,31 @@ def test_two_lines_of_one_budget_meet_at_the_first_round_time_after_both():
     assert (list(table.at), table.best) == ([15], [1])
 
 
+def test_a_line_between_the_columns_is_there_and_keeps_others_from_being_the_best():
+    """31 to 39 ms: between 30 and 40; from there on the sole point is the lowest of those that have a number."""
+    short, wide = line("short", 0, [31, 39], [0.02, 0.01]), line("wide", 1, [1, 60], [2, 1])
+
+    table = error_at_time([short, wide, line("sole", 2, [20], [0.1])], Axis("rms"))
+
+    assert [each.name for each in table.lines] == ["short", "wide", "sole"]
+    assert table.rows[0] == [None] * len(table.at)
+    assert dict(zip(table.at, table.best, strict=True)) == {20: 2, 30: 2, 40: None, 50: None}
+
+
+def test_a_line_without_a_number_that_did_not_come_lower_leaves_the_best_alone():
+    table = error_at_time([line("early", 0, [1, 3], [2, 1]), *powers()[0]], Axis("rms"))
+
+    assert table.rows[0][-1] is None
+    assert table.best[-1] == 2
+
+
+def test_heads_of_equal_tables_in_print_are_the_columns_themselves():
+    table = time_at_error([line("a", 0, [1, 10], [4, 1]), line("b", 1, [1, 10], [4, 1])], Axis("rms"))
+
+    heads = [column["title"] for column in equal_table(table, "", "")["columns"][1:]]
+    assert (heads, len(set(heads))) == (["4", "3", "2", "1.5", "1"], 5)
+
+
 def spread(of, low, high):
     return replace(of, spread=(of.costs["shade"] * low, of.costs["shade"] * high))
 
@@ -412,6 +438,16 @@ def test_a_method_of_one_budget_is_in_every_facet():
 
     assert [panel.title for panel in panels] == ["storage cube", "storage map"]
     assert all("lookup" in [line.name for line in panel.drawn] for panel in panels)
+
+
+def test_a_sole_budget_is_in_the_name_of_a_line_beside_lines_that_are_named_by_their_budgets():
+    def named_at(others):
+        given = swept([({"method": "fis"}, {"k": k, "samples": n}, 0.1) for k in (1, 2) for n in others])
+        given += swept([({"method": "is", "key": f"is {k}"}, {"k": k, "samples": 16}, 0.1) for k in (1, 2)])
+        return [line.name for line in lines_at(places(given, "k")[0], "rms")]
+
+    assert named_at((8, 32)) == ["fis (samples 8)", "fis (samples 32)", "is (samples 16)"]
+    assert named_at((16,)) == ["fis", "is"]
 
 
 def test_a_colour_is_a_method_and_its_lines_are_shades_and_dashes():

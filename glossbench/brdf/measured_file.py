@@ -169,7 +169,7 @@ class Measured(MeasuredMaterial):
     a tabulated density of half vectors. Methods that draw samples by lobes take a fit, whose error shows in theirs.
 
     Attributes:
-        file: path; a relative one is looked for here, beside the study and below the folder GLOSSBENCH_DATA.
+        file: path of the measurements; a relative one is looked for here, beside the study and below GLOSSBENCH_DATA.
         format: of the file; by default what its name ends in: .brdf cornell, .binary merl, .bsdf rgl.
         unknown: f where nothing was measured: "black", or "extrapolated": the product of the factors (cornell), the
             authors' filling (rgl). MERL files have nothing there, and are black.

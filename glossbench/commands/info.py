@@ -59,7 +59,11 @@ def registries() -> dict[str, Any]:
 
 
 def _names(kind: str, names: list[str]) -> None:
-    out.print(Text.assemble((kind, "bold"), f"  {', '.join(names)}"))
+    table = Table.grid(padding=(0, 2))
+    table.add_column(width=len("public file"), style="bold")
+    table.add_column()
+    table.add_row(kind, ", ".join(names))
+    out.print(table)
 
 
 def _heading(name: str, kind: str) -> None:

@@ -48,7 +48,7 @@ class FileLight(Light):
     """Radiance of an image file: .exr, .hdr, .tif, .pfm or .dds, or one of integers where `ldr` says so.
 
     Attributes:
-        file: path; a relative one is looked for here, beside the study and below the folder GLOSSBENCH_DATA.
+        file: path of the image; a relative one is looked for here, beside the study and below GLOSSBENCH_DATA.
         resolution: texels along the edge of a face, a power of two; by default what the image resolves.
         projection: how the image covers the sphere; by default what the file says, else recognised from its shape.
         axes: whose axis convention it follows; by default what the file says, else forward (-z) is in the centre (see
