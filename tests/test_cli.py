@@ -68,7 +68,8 @@ def here(tmp_path, monkeypatch):
 
 @pytest.fixture
 def call(monkeypatch, capsys):
-    """Calls the command line in this process."""
+    """Calls the command line in this process; that the machine is busy is not said."""
+    monkeypatch.setattr(printing, "BUSY", float("inf"))
 
     def called(*arguments: Any) -> Called:
         monkeypatch.setattr(sys, "argv", ["glossbench", *map(str, arguments)])
@@ -181,7 +182,8 @@ def test_a_log_gets_a_line_of_progress_now_and_then(call, monkeypatch):
 def test_another_process_prints_the_same_kind_of_end(here):
     done = subprocess.run(process("run", "tiny.yaml", "-o", "elsewhere"), capture_output=True, text=True)
 
-    assert (done.returncode, done.stderr) == (0, "")
+    said = [line for line in done.stderr.splitlines() if "were timed while" not in line]  # the machine may be busy
+    assert (done.returncode, said) == (0, [])
     assert done.stdout.splitlines()[-2] == "report: elsewhere/report.html"
     assert (here / "elsewhere" / "cells.parquet").is_file()
 
