@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from glossbench.cell_index import CellIndex, Mask
+from glossbench.claim_names import meanings
 from glossbench.claims import (
     BUDGET,
     Claim,
     LowerClaim,
     RatioClaim,
     SlopeClaim,
-    meanings,
     method_of,
     methods_of,
     options_of,

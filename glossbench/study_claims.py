@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from glossbench.cell_index import CellIndex, Mask
+from glossbench.claim_names import unknown_name, unknown_place
 from glossbench.claims import (
     COLUMNS,
     KINDS,
@@ -18,8 +19,6 @@ from glossbench.claims import (
     options_of,
     places_of,
     sides_of,
-    unknown_name,
-    unknown_place,
 )
 from glossbench.errors import nearest
 from glossbench.shading import CHANGES, METHODS, stated_stages

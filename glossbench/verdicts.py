@@ -10,6 +10,7 @@ import numpy as np
 import pandas
 
 from glossbench.cell_index import CellIndex
+from glossbench.claim_names import meanings
 from glossbench.claims import (
     BUDGET,
     PLACES,
@@ -19,7 +20,6 @@ from glossbench.claims import (
     Side,
     SlopeClaim,
     ValueClaim,
-    meanings,
     method_of,
     methods_of,
     options_of,

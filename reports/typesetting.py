@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
@@ -22,6 +24,12 @@ TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 64  # characters without a space; in a longer word a line may break
 PIECE = 16  # after so many characters
 Format = Literal["pdf", "png", "svg"]
+_FONTS = str(Path(get_data_path()) / "fonts" / "ttf")
+_SET = """
+import sys, typst
+root, template, fonts, made = sys.argv[1:]
+typst.Compiler(root=root, font_paths=typst.Fonts(font_paths=[fonts])).compile(template, output=made, format="pdf")
+"""
 _first_process: dict[str, int] = {}  # the one in which typst has started its threads
 
 
@@ -39,7 +47,7 @@ class Press:
             )
         self._temporary = TemporaryDirectory(prefix="glossbench-")
         self.folder = Path(self._temporary.name)
-        fonts = typst.Fonts(font_paths=[str(Path(get_data_path()) / "fonts" / "ttf")])
+        fonts = typst.Fonts(font_paths=[_FONTS])
         self._compiler = typst.Compiler(root=str(self.folder), font_paths=fonts)
         self._n_files = 0
         return self
@@ -89,10 +97,24 @@ class Press:
         (self.folder / "data.json").write_text(dumps(_breakable(data)), encoding="utf-8")
         for source in TEMPLATES.glob("*.typ"):
             (self.folder / source.name).write_bytes(source.read_bytes())
+        if form == "pdf":
+            return self._pdf(template)
         made = self._compiler.compile(str(self.folder / template), format=form, ppi=300)
         first = made[0] if isinstance(made, list) else made
         assert first is not None  # without an output file typst returns what it made
         return first
+
+    def _pdf(self, template: str) -> bytes:
+        """A PDF, set in a process of its own: a long one takes half a gigabyte, beside what this one holds."""
+        made = self.folder / "made.pdf"
+        arguments = (str(self.folder), str(self.folder / template), _FONTS, str(made))
+        done = subprocess.run(
+            [sys.executable, "-c", _SET, *arguments], capture_output=True, text=True, errors="replace"
+        )
+        if done.returncode != 0:
+            told = " ".join(done.stderr.split()) or f"the process ended with {done.returncode}"
+            raise RuntimeError(f"typst: {told[-500:]}")
+        return made.read_bytes()
 
 
 def _breakable(value: Any) -> Any:

@@ -23,6 +23,7 @@ from matplotlib.image import imread
 from glossbench import catalog, cli, printing
 from glossbench.catalog import Entry, entries
 from glossbench.commands import completion
+from glossbench.commands import run as run_command
 from glossbench.commands.info import registries
 from glossbench.commands.info import values as words_of_schema
 from glossbench.commands.picture import half_blocks, tone_mapped
@@ -97,7 +98,7 @@ def test_a_run_says_what_of_a_mesh_was_repaired(call):
 @pytest.fixture
 def without_reports(monkeypatch):
     """Reports take most of the time of a small run, and no one looks at them here."""
-    monkeypatch.setattr(cli, "_report_writers", lambda: {"html": lambda folder: folder / "report.html"})
+    monkeypatch.setattr(run_command, "_report_writers", lambda: {"html": lambda folder: folder / "report.html"})
 
 
 @pytest.fixture(scope="module")
@@ -1001,7 +1002,7 @@ def test_report_writes_the_reports_again(call):
 def test_report_writes_those_that_are_asked_for(call, monkeypatch, flags, names):
     written = []
     writers = {name: lambda folder, name=name: written.append(name) or folder / name for name in ("html", "pdf")}
-    monkeypatch.setattr(cli, "_report_writers", lambda: writers)
+    monkeypatch.setattr(run_command, "_report_writers", lambda: writers)
 
     code, out, _ = call("report", "results/tiny", *flags)
 
@@ -1021,7 +1022,7 @@ def test_a_run_does_not_write_over_results_of_another(call, results, changes):
 
 
 def test_a_report_of_an_unfinished_run_says_how_far_it_is(call, monkeypatch):
-    monkeypatch.setattr(cli, "_report_writers", lambda: {"html": lambda folder: folder / "report.html"})
+    monkeypatch.setattr(run_command, "_report_writers", lambda: {"html": lambda folder: folder / "report.html"})
     study = load_study("tiny.yaml")
     stopped = iter([None])
     with pytest.raises(StopIteration):
@@ -1080,7 +1081,7 @@ def kept_report(folder: Path) -> Path:
 
 
 def test_a_report_that_fails_is_one_line_after_the_verdicts_and_the_others_are_written(call, monkeypatch):
-    monkeypatch.setattr(cli, "_report_writers", lambda: {"broken": planted_fault, "kept": kept_report})
+    monkeypatch.setattr(run_command, "_report_writers", lambda: {"broken": planted_fault, "kept": kept_report})
 
     code, out, err = call("run", "tiny.yaml")
 
@@ -1096,7 +1097,7 @@ def test_a_report_that_fails_is_one_line_after_the_verdicts_and_the_others_are_w
 
 def test_an_interrupt_while_reports_are_written_says_that_the_results_are_whole(call, monkeypatch):
     monkeypatch.setattr(
-        cli, "_report_writers", lambda: {"slow": lambda folder: (_ for _ in ()).throw(KeyboardInterrupt)}
+        run_command, "_report_writers", lambda: {"slow": lambda folder: (_ for _ in ()).throw(KeyboardInterrupt)}
     )
 
     code, out, err = call("run", "tiny.yaml")

@@ -1,0 +1,14 @@
+"""Arguments that several commands take."""
+
+from typing import Annotated
+
+import typer
+
+from glossbench.commands import completion
+
+StudyArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="STUDY", help="A study's name (quickstart) or a path to its YAML.", autocompletion=completion.studies
+    ),
+]

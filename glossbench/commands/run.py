@@ -1,0 +1,185 @@
+"""`glossbench run` and `glossbench report`: a study's cells, its table and verdicts, and its reports."""
+
+import traceback
+from collections import Counter
+from collections.abc import Callable, Collection
+from functools import partial
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from glossbench.commands import completion
+from glossbench.commands.arguments import StudyArgument
+from glossbench.consoles import one_line
+from glossbench.errors import InputError
+from glossbench.printing import (
+    Pulse,
+    err,
+    note,
+    print_notes,
+    print_plan,
+    print_table,
+    print_verdicts,
+    say,
+    warn_of_noise,
+    warn_of_times,
+)
+
+if TYPE_CHECKING:
+    from glossbench.study import Study
+
+
+def run(
+    study: StudyArgument,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder of results; results/STUDY.")] = None,
+    light: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|NAME",
+            help="An HDR file, or a light's name, in place of the study's lights.",
+            autocompletion=completion.lights,
+        ),
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        typer.Option("-f", "--method", help="Only this method; repeatable.", autocompletion=completion.methods),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="In place of the study's seed.")] = None,
+    no_cache: Annotated[bool, typer.Option("--no-cache", help="Compute every cell and reference anew.")] = False,
+    rerun_failed: Annotated[bool, typer.Option("--rerun-failed", help="Try failed cells again.")] = False,
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run, and stop.")] = False,
+) -> None:
+    """Run a study, print its table and verdicts, and write its reports."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    from glossbench.plugins import origin
+    from glossbench.runner import Progress, run_study
+    from glossbench.study import load_study
+
+    loaded = load_study(study, light=light)
+    if seed is not None:
+        loaded = loaded.with_seed(seed)
+    if method:
+        loaded = loaded.only(method)
+    if light is not None and output is None:
+        output = Path("results") / f"{loaded.name}_{Path(light).stem}"
+    folder = output or Path("results") / loaded.name
+    for plugin in loaded.plugins:
+        err.print(f"plugin {plugin}: {origin(plugin)}", soft_wrap=True)
+    if dry_run:
+        _print_plan(loaded, folder)
+        return
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    try:
+        with Bar(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+            task, pulse = bar.add_task("", total=None), Pulse(bar)
+
+            def show(**changes: Any) -> None:
+                bar.update(task, **changes)
+                pulse()
+
+            progress = Progress(
+                begin=lambda n: show(total=n),
+                doing=lambda text: show(description=text),
+                cell=lambda row: show(advance=1),
+                note=note,
+            )
+            results = run_study(
+                loaded, folder, use_cache=not no_cache, rerun_failed=rerun_failed, fail_fast=fail_fast,
+                progress=progress,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
+        raise typer.Exit(130) from None
+    print_table(results.cells, list(loaded.metrics))
+    warn_of_noise(results.cells)
+    warn_of_times(results.cells)
+    print_notes(results.cells)
+    print_verdicts(results.claims)
+    is_whole = _write_reports(results.folder)
+    failed = int((results.cells["status"] == "failed").sum())
+    if failed:
+        err.print(
+            f"{_counted(failed, 'cell')} failed: tracebacks are in the report, --rerun-failed tries again",
+            style="red",
+        )
+    if failed or not is_whole:
+        raise typer.Exit(1)
+
+
+def report(
+    results: Annotated[Path, typer.Argument(help="A folder that a run made.", autocompletion=completion.results)],
+    html: Annotated[bool, typer.Option("--html", help="Only the page.")] = False,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Only the PDF.")] = False,
+) -> None:
+    """Write the reports of results again."""
+    from glossbench.results import Results
+
+    opened = Results.open(results)
+    only = {name for name, wanted in (("html", html), ("pdf", pdf)) if wanted}
+    for remark in opened.remarks(opened.cells):
+        note(remark)
+    if not _write_reports(opened.folder, only):
+        raise typer.Exit(1)
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def _print_plan(study: "Study", folder: Path) -> None:
+    """What a run would do."""
+    from glossbench.runner import kept_statuses
+
+    cells, statuses = study.cells(), kept_statuses(study, folder)
+    print_plan(cells, statuses)
+    count = Counter(statuses)
+    told = [f"{count[status]} {status}" for status in ("done", "skipped", "failed", "new") if count[status]]
+    say(f"{_counted(len(cells), 'cell')} would go to {folder}: {', '.join(told)}")
+    if count["failed"]:
+        say("failed cells stay as they are; --rerun-failed tries them again")
+
+
+def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:
+    """Write the reports, or some of them; one that fails is a line, and the others are still written.
+
+    Returns: whether all were written.
+    """
+    is_whole = True
+    for name, write in _report_writers().items():
+        if only and name not in only:
+            continue
+        try:
+            with err.status(f"report {name}"):
+                page = write(folder)
+            say(f"report: {page}")
+        except KeyboardInterrupt:
+            again = f"the results are whole: `glossbench report {folder}` writes the reports"
+            err.print(one_line(f"interrupted: {again}"), soft_wrap=True)
+            raise typer.Exit(130) from None
+        except (Exception, SystemExit) as error:  # a writer may be another distribution's code
+            is_whole = False
+            _print_fault(f"error: the {name} report was not written", error)
+    return is_whole
+
+
+def _print_fault(what: str, error: BaseException) -> None:
+    """One line for an exception: what failed, why, and the place in the source where that is not the user's fault."""
+    text = " ".join(str(error).split())
+    if not isinstance(error, InputError):
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"{type(error).__name__}: {text} ({Path(last.filename).name}:{last.lineno})"
+    err.print(one_line(f"{what}: {text}"), style="red", soft_wrap=True)
+
+
+def _report_writers() -> dict[str, Callable[[Path], Path]]:
+    return {point.name: partial(_written, point) for point in entry_points(group="glossbench.reports")}
+
+
+def _written(point: EntryPoint, folder: Path) -> Path:
+    page: Path = point.load()(folder)
+    return page
