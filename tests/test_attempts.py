@@ -239,8 +239,12 @@ def test_a_run_that_is_asked_to_end_is_interrupted_and_leaves_no_mark(study_of, 
         return torch.ones(len(points), 3)
 
     monkeypatch.setattr(Shown, "shade", shade)
-    with pytest.raises(KeyboardInterrupt):
-        run_study(study_of(), tmp_path / "r")
+    before = signal.signal(getattr(signal, number), signal.SIG_DFL)  # under nohup SIGHUP is ignored, and stays so
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_study(study_of(), tmp_path / "r")
 
-    assert not (tmp_path / "r" / "begun").exists()
-    assert signal.getsignal(getattr(signal, number)) is signal.SIG_DFL
+        assert not (tmp_path / "r" / "begun").exists()
+        assert signal.getsignal(getattr(signal, number)) is signal.SIG_DFL
+    finally:
+        signal.signal(getattr(signal, number), before)

@@ -60,7 +60,7 @@ CHANGES = {
     "standard output": (lambda: sys.stdout, lambda: setattr(sys, "stdout", None)),
     "the environment": (lambda: os.environ.get("HOME"), lambda: os.environ.clear()),
     "what an interrupt does": (
-        lambda: signal.getsignal(signal.SIGINT), lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+        lambda: signal.getsignal(signal.SIGINT), lambda: signal.signal(signal.SIGINT, lambda *_: None),
     ),
     "blocked signals": (
         lambda: signal.pthread_sigmask(signal.SIG_BLOCK, []),
