@@ -20,12 +20,13 @@ _CALLED = (
     "shutil", "tempfile", "threading", "signal", "random", "struct", "copy", "dataclasses", "inspect", "functools",
     "contextlib", "datetime", "traceback", "warnings", "logging", "importlib", "pathlib", "re", "socket",
     "sys", "gc", "faulthandler", "subprocess", "uuid", "numpy", "numpy.linalg", "torch", "torch.nn.functional",
-    "torch.quasirandom", "scipy.optimize", "pandas", "yaml", "OpenEXR", "PIL.Image",
+    "torch.quasirandom", "scipy.optimize", "pandas", "pyarrow", "pyarrow.parquet", "pydantic", "yaml", "OpenEXR",
+    "PIL.Image",
 )  # fmt: skip
 _CLASSES = (
     "pathlib.Path", "pathlib.PurePath", "pathlib.PosixPath", "torch.Tensor", "torch.quasirandom.SobolEngine",
     "threading.Thread", "json.encoder.JSONEncoder", "pandas.DataFrame", "PIL.Image.Image", "yaml.SafeDumper",
-    "yaml.SafeLoader",
+    "yaml.SafeLoader", "pyarrow.parquet.ParquetWriter", "pydantic.BaseModel", "pydantic.TypeAdapter",
 )  # fmt: skip
 _LEFT = {("sys", name) for name in ("last_type", "last_value", "last_traceback", "last_exc", "ps1", "ps2")}
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas
+import pyarrow.parquet  # noqa: F401  before plug-ins run: what they patch of it is put back (process_state)
 
 from glossbench.atomic import interrupted_when_asked
 from glossbench.brdf.material import MATERIALS

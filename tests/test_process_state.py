@@ -16,6 +16,7 @@ from pathlib import Path, PurePath
 
 import numpy as np
 import OpenEXR
+import pyarrow.parquet
 import pytest
 import torch
 from PIL import Image
@@ -56,6 +57,9 @@ CHANGES = {
     "a builtin": (lambda: open, lambda: setattr(__import__("builtins"), "open", None)),
     "a member of this package": (lambda: Method.supports, lambda: setattr(Method, "supports", None)),
     "a method of tensors": (lambda: torch.Tensor.mean, lambda: setattr(torch.Tensor, "mean", None)),
+    "a library that writes tables": (
+        lambda: pyarrow.parquet.write_table, lambda: setattr(pyarrow.parquet, "write_table", None),
+    ),
     "the recursion limit": (sys.getrecursionlimit, lambda: sys.setrecursionlimit(200)),
     "standard output": (lambda: sys.stdout, lambda: setattr(sys, "stdout", None)),
     "the environment": (lambda: os.environ.get("HOME"), lambda: os.environ.clear()),
