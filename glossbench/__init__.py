@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from glossbench.brdf.material import Material
     from glossbench.envmap.cubemap import CubeMap
     from glossbench.errors import InputError, MethodError
-    from glossbench.ground_truth import Reference
-    from glossbench.ground_truth import compute_reference as reference
     from glossbench.metrics import Metric
     from glossbench.scene.points import View
-    from glossbench.shading import Contract, Image, Method, shade, stage
+    from glossbench.shading.method import Contract, Image, Method, shade, stage
+    from glossbench.truth.reference import Reference
+    from glossbench.truth.reference import compute_reference as reference
 
 # Where each name is imported from once it is asked for: torch takes seconds, and a Tab key has none.
 _HOMES = {
@@ -34,11 +34,11 @@ _HOMES = {
     "CubeMap": ("envmap.cubemap", "CubeMap"),
     "InputError": ("errors", "InputError"),
     "MethodError": ("errors", "MethodError"),
-    "Reference": ("ground_truth", "Reference"),
-    "reference": ("ground_truth", "compute_reference"),
+    "Reference": ("truth.reference", "Reference"),
+    "reference": ("truth.reference", "compute_reference"),
     "Metric": ("metrics", "Metric"),
     "View": ("scene.points", "View"),
-    **{name: ("shading", name) for name in ("Contract", "Image", "Method", "shade", "stage")},
+    **{name: ("shading.method", name) for name in ("Contract", "Image", "Method", "shade", "stage")},
 }
 
 __all__ = [
@@ -77,8 +77,8 @@ def __dir__() -> list[str]:
 
 def light(name: str | os.PathLike[str], **options: Any) -> "CubeMap":
     """The radiance of a light: a registered name ("spots"), one of the catalogue ("grace_cross"), or an image file."""
-    from glossbench.envmap.lights import LIGHTS, light_named
-    from glossbench.surroundings import settled
+    from glossbench.envmap.lights.light import LIGHTS, light_named
+    from glossbench.process.surroundings import settled
 
     with settled():
         text = _text(name)
@@ -112,7 +112,7 @@ def _text(name: str | os.PathLike[str]) -> str:
 
 def method(name: str, **options: Any) -> "Method":
     """A method by name and options."""
-    from glossbench.shading import METHODS
+    from glossbench.shading.method import METHODS
 
     return METHODS.create(name, options)
 

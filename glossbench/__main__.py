@@ -1,6 +1,6 @@
 """python -m glossbench: the command line."""
 
-from glossbench.cli import main
+from glossbench.commands.cli import main
 
 if __name__ == "__main__":
     main()

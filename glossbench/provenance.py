@@ -21,11 +21,8 @@ version = cache(metadata.version)  # which reads a file
 
 # What decides the numbers: a change of any of these files makes every cell new.
 NUMERICS = (
-    "brdf", "envmap", "scene", "metrics", "brdf_factors.py", "directions.py", "fixed_point.py", "fusion.py",
-    "ground_truth.py", "homomorphic.py", "light_factors.py", "lighting_function.py", "lighting_monte_carlo.py",
-    "lobe_lighting.py", "measuring.py", "options.py", "shading.py", "stage_cache.py", "stages.py", "surroundings.py",
-    "tuning.py",
-    "visibility.py", "visibility_harmonics.py",
+    "brdf", "envmap", "scene", "metrics", "shading", "truth", "prefilter", "channels.py", "directions.py",
+    "factorization.py", "options.py", "run/measuring.py", "run/tuning.py", "process/surroundings.py",
 )  # fmt: skip
 
 

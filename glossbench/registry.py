@@ -5,12 +5,10 @@ import logging
 import pkgutil
 import sys
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, Generic, TypeVar
 
-from glossbench.catalog import KINDS, Entry, entries
-from glossbench.documentation import documentation
 from glossbench.errors import InputError, called, nearest
 from glossbench.options import Options
 
@@ -24,15 +22,19 @@ class Registry(Generic[T]):
     module of it, if it is a package), then every entry point of `group` that an installed distribution declares:
     it names a module, or a class in one, whose import registers. A thread that asks meanwhile imports the same, which
     Python lets one thread do for all; an import that is interrupted is begun again by whoever asks next.
+
+    Args:
+        elsewhere: what else has a name that is not registered, as the end of a message; empty where nothing has.
     """
 
     every: ClassVar[list["Registry[Any]"]] = []
 
-    def __init__(self, kind: str, home: str, group: str) -> None:
+    def __init__(self, kind: str, home: str, group: str, elsewhere: Callable[[str], str] = lambda name: "") -> None:
         self.every.append(self)
         self.kind = kind
         self._home = home
         self._group = group
+        self._elsewhere = elsewhere
         self._classes: dict[str, type[T]] = {}
         self._discovered = False
         self._discovering = threading.local()
@@ -52,18 +54,6 @@ class Registry(Generic[T]):
 
         return add
 
-    def register_files(self, base: type[T], stated: Iterable[Entry], documented: type[T]) -> None:
-        """A class of a base for each file of the catalogue, so that its name is one like any other.
-
-        Args:
-            documented: the class whose docstring tells the options, after its first paragraph.
-        """
-        options = documentation(documented).partition("\n\n")[2]
-        for each in stated:
-            about = f"{each.stresses[0].upper()}{each.stresses[1:]}: {each.file} of the catalogue.\n\n{options}"
-            members = {"__doc__": about, "__module__": base.__module__, "__qualname__": each.name}
-            self.register(each.name)(type(each.name, (base,), members))
-
     def names(self) -> list[str]:
         """All registered names, sorted."""
         self._discover()
@@ -81,9 +71,8 @@ class Registry(Generic[T]):
         return self._classes[name]
 
     def unknown(self, name: str) -> str:
-        """What to say of a name that is none of these: what the catalogue has under it, or the nearest name."""
-        elsewhere = next((f"; the catalogue has {KINDS[e.kind]} of this name" for e in entries() if e.name == name), "")
-        return f"unknown {self.kind} {name!r}{elsewhere or nearest(name, self.names())}"
+        """The message for an unknown name: what has this name elsewhere, or the nearest registered name."""
+        return f"unknown {self.kind} {name!r}{self._elsewhere(name) or nearest(name, self.names())}"
 
     def create(self, name: str, options: Mapping[str, Any]) -> T:
         """An instance of the named class with these options."""

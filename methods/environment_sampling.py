@@ -11,11 +11,11 @@ from glossbench.directions import PointSet, Vec3, points_2d, to_local
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import luminance_distribution
 from glossbench.envmap.pyramid import finest, lookup
-from glossbench.fusion import over_points
 from glossbench.options import Seed
 from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading import METHODS, Contract, Method, stage
-from glossbench.visibility import occluder_of, unhidden
+from glossbench.shading.kernels import over_points
+from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.shading.visibility import occluder_of, unhidden
 
 
 class DirectionalLights(NamedTuple):

@@ -10,12 +10,13 @@ from glossbench.brdf.material import Material
 from glossbench.directions import PointSet, points_2d, to_world
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.pyramid import Environment, finest, weighted_radiance
-from glossbench.fusion import over_points
 from glossbench.options import Seed
+from glossbench.prefilter.stages import irradiance
+from glossbench.prefilter.visible_diffuse import visible_diffuse
 from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading import METHODS, Contract, Method, stage
-from glossbench.stages import irradiance
-from glossbench.visibility import occluder_of, unhidden, visible_diffuse
+from glossbench.shading.kernels import over_points
+from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.shading.visibility import occluder_of, unhidden
 
 
 @METHODS.register("importance_sampling")

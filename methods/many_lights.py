@@ -9,12 +9,12 @@ from torch import Tensor
 from glossbench.brdf.material import Material, Reflectance
 from glossbench.directions import Vec3, to_local
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.median_cut import Partition, median_cut
-from glossbench.fusion import over_points
+from glossbench.prefilter.median_cut import Partition, median_cut
+from glossbench.prefilter.shadows import Shadows, Visibility, no_shadows
+from glossbench.prefilter.stages import shadows
 from glossbench.scene.points import ShadingPoints
-from glossbench.scene.shadows import Shadows, Visibility, no_shadows
-from glossbench.shading import METHODS, Contract, Method, stage
-from glossbench.stages import shadows
+from glossbench.shading.kernels import over_points
+from glossbench.shading.method import METHODS, Contract, Method, stage
 
 
 @METHODS.register("many_lights")

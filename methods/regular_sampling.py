@@ -13,12 +13,13 @@ from glossbench.brdf.material import Material
 from glossbench.directions import Vec3, dot, points_2d, reflect, spherical, to_world
 from glossbench.envmap.pyramid import MipFilter, Pyramid, weighted_radiance
 from glossbench.errors import InputError
-from glossbench.fusion import over_points
 from glossbench.options import Finite
+from glossbench.prefilter.stages import irradiance, pyramid
+from glossbench.prefilter.visible_diffuse import visible_diffuse
 from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading import METHODS, Contract, Method, stage
-from glossbench.stages import irradiance, pyramid
-from glossbench.visibility import occluder_of, unhidden, visible_diffuse
+from glossbench.shading.kernels import over_points
+from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.shading.visibility import occluder_of, unhidden
 
 Spacing = Literal["s1", "s2"]
 

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from glossbench.claims import KINDS
+from glossbench.findings.verdicts import cells_of
 from glossbench.metrics import METRICS
-from glossbench.results import Results
-from glossbench.rows import budget_of
-from glossbench.verdicts import cells_of
+from glossbench.run.results import Results
+from glossbench.study.claims import KINDS
+from glossbench.study.labels import budget_of
 
 from . import pictures
 from .cells import Cell, Group

@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import Any
 
 from glossbench.metrics import METRICS
-from glossbench.rows import KINDS, identity, listed, names_of, told_apart
+from glossbench.study.labels import KINDS, identity, listed, names_of, told_apart
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from glossbench.documentation import documentation
-from glossbench.shading import METHODS
+from glossbench.shading.method import METHODS
 
 from .notation import Run, runs
 

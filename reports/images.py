@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from markupsafe import Markup
 
-from glossbench.results import Results
+from glossbench.run.results import Results
 
 from . import figures, pictures
 from .cells import Cell, Group

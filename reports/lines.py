@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from glossbench.comparisons import noise_of
+from glossbench.findings.comparisons import noise_of
 from glossbench.metrics import METRICS
 
 from .cells import Cell, Group

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from glossbench.atomic import replacing
 from glossbench.metrics.metric import Floats
 from glossbench.metrics.perceptual import FLIP
-from glossbench.results import Results
+from glossbench.run.results import Results
 from glossbench.strict_json import dumps
 
 from . import figures, pictures

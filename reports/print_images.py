@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from glossbench.metrics import METRICS
-from glossbench.results import Results
+from glossbench.run.results import Results
 
 from . import figures, pictures
 from .answer import MOST_TILES, telling

@@ -5,7 +5,7 @@ from math import inf
 from typing import Any
 
 from glossbench.metrics import METRICS
-from glossbench.rows import listed
+from glossbench.study.labels import listed
 
 from .cells import Cell, Group, sole_method
 from .equal import Table

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from glossbench.rows import KINDS, budget_of, identity, listed, names_of, number_in, stated, told_apart
+from glossbench.study.labels import KINDS, budget_of, identity, listed, names_of, number_in, stated, told_apart
 
 from .cells import Group, methods_of
 from .figures import looks

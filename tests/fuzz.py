@@ -24,9 +24,9 @@ import OpenImageIO as oiio
 import torch
 from skimage.io import imsave
 
-from glossbench.envmap.files import read_image
+from glossbench.envmap.formats.files import read_image
 from glossbench.errors import InputError
-from glossbench.study import load_study
+from glossbench.study.study import load_study
 
 SECONDS = 20  # for one input; measured, 2000 take less than 45
 MEMORY = 12 << 30  # of address space: an image of 2^28 pixels is refused, and what a sound one needs is far less

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 import glossbench as gb
-from glossbench.envmap.files import write_exr
+from glossbench.envmap.formats.files import write_exr
 
 LIGHT, MATERIAL, VIEW = gb.light("constant", resolution=8), gb.material("ggx"), gb.view("sphere", resolution=4)
 METHOD = gb.method("importance_sampling", samples=2)

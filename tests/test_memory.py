@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from glossbench import memory
-from glossbench.envmap import dds, hdr, pfm
-from glossbench.envmap.files import read_file
-from glossbench.envmap.lights import light_named
+from glossbench.envmap.formats import dds, hdr, pfm
+from glossbench.envmap.formats.files import read_file
+from glossbench.envmap.lights.light import light_named
 from glossbench.errors import InputError
 from glossbench.memory import available, check_memory
 from glossbench.scene.mesh_view import MeshView

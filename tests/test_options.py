@@ -7,23 +7,13 @@ import pytest
 from pydantic import Field, TypeAdapter, ValidationError
 
 from glossbench.brdf.material import MATERIALS
-from glossbench.envmap.lights import LIGHTS
+from glossbench.envmap.lights.light import LIGHTS
 from glossbench.errors import InputError, nearest
 from glossbench.metrics import METRICS
-from glossbench.options import (
-    Color,
-    Finite,
-    Fraction,
-    NonNegative,
-    Options,
-    Width,
-    Widths,
-    check,
-    json_schema,
-)
+from glossbench.options import Color, Finite, Fraction, NonNegative, Options, Width, Widths, check, json_schema
 from glossbench.registry import Registry
 from glossbench.scene.points import VIEWS
-from glossbench.shading import METHODS
+from glossbench.shading.method import METHODS
 
 REGISTRIES = {"light": LIGHTS, "material": MATERIALS, "view": VIEWS, "method": METHODS, "metric": METRICS}
 

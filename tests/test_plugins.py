@@ -10,9 +10,9 @@ from glossbench.errors import InputError
 from glossbench.import_closure import is_installed, local_files
 from glossbench.plugins import import_plugin, origin
 from glossbench.provenance import source_hash
-from glossbench.runner import run_study
-from glossbench.shading import METHODS
-from glossbench.study import load_study
+from glossbench.run.runner import run_study
+from glossbench.shading.method import METHODS
+from glossbench.study.study import load_study
 
 
 @pytest.fixture(autouse=True)
@@ -131,7 +131,7 @@ def test_a_plugin_is_loaded_once_while_its_files_stay(study):
 
 PLUGIN = """
 import torch
-from glossbench.shading import METHODS, Method
+from glossbench.shading.method import METHODS, Method
 {use}
 
 @METHODS.register("flat_of_a_helper")
@@ -189,7 +189,7 @@ def test_another_folder_makes_nothing_new(study):
 
 
 def test_what_is_installed_is_not_part_of_a_plugin(study):
-    write(study, lab_j="import torch, json, glossbench.shading, tool", tool="import numpy")
+    write(study, lab_j="import torch, json, glossbench.shading.method, tool", tool="import numpy")
 
     assert local_files("lab_j", study / "lab_j.py").keys() == {"lab_j", "tool"}
     assert is_installed(Path(pytest.__file__))

@@ -9,14 +9,14 @@ from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from glossbench.brdf.material import MATERIALS, Material
-from glossbench.catalog import entries
-from glossbench.contract_cases import turn_light
+from glossbench.catalog.entries import entries
+from glossbench.contract.cases import turn_light
 from glossbench.directions import Vec3, dot, half_vector, normalize, points_2d, spherical, stack, vec3
 from glossbench.envmap.cubemap import CubeMap, face_coordinates, face_directions, texel_directions, texel_solid_angles
 from glossbench.envmap.importance import luminance_distribution
-from glossbench.envmap.layouts import LAYOUTS
 from glossbench.envmap.paraboloid import build_paraboloid, repeat_edge
-from glossbench.envmap.projections import Written, from_cubemap, to_cubemap
+from glossbench.envmap.projections.conversion import Written, from_cubemap, to_cubemap
+from glossbench.envmap.projections.layouts import LAYOUTS
 from glossbench.envmap.pyramid import MipFilter, build_pyramid, lookup
 from glossbench.errors import InputError
 from glossbench.options import json_schema

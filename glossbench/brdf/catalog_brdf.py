@@ -4,7 +4,8 @@ from pathlib import Path
 
 from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.measured_file import FORMATS, MeasuredMaterial
-from glossbench.catalog import entries, fetch_once
+from glossbench.catalog.entries import entries, fetch_once
+from glossbench.catalog.naming import register_entries
 
 
 class CatalogBRDF(MeasuredMaterial):
@@ -16,4 +17,4 @@ class CatalogBRDF(MeasuredMaterial):
 
 
 _measured = [each for each in entries("brdf") if Path(each.file).suffix in FORMATS]
-MATERIALS.register_files(CatalogBRDF, _measured, MeasuredMaterial)
+register_entries(MATERIALS, CatalogBRDF, _measured, MeasuredMaterial)

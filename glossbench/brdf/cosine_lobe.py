@@ -8,7 +8,8 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.lobe import Channels, Lobe, Sample, channels
+from glossbench.brdf.lobe import Lobe, Sample
+from glossbench.channels import Channels, channels
 from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
 
 Exponent = Annotated[float, Field(ge=0, le=1e5)]  # of a cosine

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from glossbench.brdf.lobe import Sample, channels
+from glossbench.brdf.lobe import Sample
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.microfacet import Microfacet
+from glossbench.channels import channels
 from glossbench.directions import Vec3, dot, normalize, reflect
 from glossbench.options import Color, Widths
 

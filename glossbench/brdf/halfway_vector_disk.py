@@ -8,8 +8,9 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.lobe import Channels, Lobe, Sample, channels
+from glossbench.brdf.lobe import Lobe, Sample
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.channels import Channels, channels
 from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
 from glossbench.options import Color, Widths
 

@@ -8,9 +8,9 @@ import torch
 from pydantic import BeforeValidator, Field
 from torch import Tensor
 
-from glossbench.brdf.lobe import channels
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.microfacet import Beckmann
+from glossbench.channels import channels
 from glossbench.directions import Vec3
 from glossbench.options import Color, Fraction, Options, Widths
 

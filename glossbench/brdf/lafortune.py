@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe, Exponent, cosine_lobe
-from glossbench.brdf.lobe import channels
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.channels import channels
 from glossbench.errors import InputError
 from glossbench.options import Color, Finite, Options
 from glossbench.options import Radiance as Factor  # a scalar or RGB, not negative

@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from glossbench.channels import Channels, widen
 from glossbench.directions import Vec3, points_2d
-
-Channels = tuple[Tensor, ...]  # one tensor for a grey quantity, three for red, green and blue
 
 
 class Sample(NamedTuple):
@@ -102,22 +101,3 @@ class Lobe:
         """f(wo, wi) / D(h) a channel, wi = to_surface(wo, mirror direction of viewer(wo) at h), c = viewer(wo) . h."""
         D = self.D(h)
         return tuple(f / D for f in self.f(wo, wi))
-
-
-def widen(channels: Channels, n: int) -> Channels:
-    """A grey quantity as n channels."""
-    return channels * n if len(channels) == 1 else channels
-
-
-def add(a: Channels, b: Channels) -> Channels:
-    """Channel by channel; an empty tuple is zero, a grey one counts for all three channels."""
-    if not a or not b:
-        return a or b
-    n = max(len(a), len(b))
-    return tuple(x + y for x, y in zip(widen(a, n), widen(b, n), strict=True))
-
-
-def channels(color: tuple[float, ...], device: str) -> Channels:
-    """A colour as tensors: one when its components are equal, else three."""
-    values = color[:1] if len(set(color)) == 1 else color
-    return tuple(torch.tensor(v, dtype=torch.float32, device=device) for v in values)

@@ -6,7 +6,9 @@ from math import pi
 import torch
 from torch import Tensor
 
-from glossbench.brdf.lobe import Channels, Lobe, add
+from glossbench.brdf.lobe import Lobe
+from glossbench.catalog.naming import kind_in_catalog
+from glossbench.channels import Channels, add
 from glossbench.directions import Vec3
 from glossbench.options import Options
 from glossbench.registry import Registry
@@ -81,4 +83,4 @@ class Material(Options):
         return total
 
 
-MATERIALS: Registry[Material] = Registry("material", "glossbench.brdf", "glossbench.brdfs")
+MATERIALS: Registry[Material] = Registry("material", "glossbench.brdf", "glossbench.brdfs", kind_in_catalog)

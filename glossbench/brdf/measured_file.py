@@ -16,11 +16,11 @@ from glossbench.brdf.measured.fitting import Fit, fit_lobes
 from glossbench.brdf.measured.lobe import MeasuredLobe, Table, measured_lobe
 from glossbench.brdf.measured.merl import read_merl
 from glossbench.brdf.measured.rgl import read_rgl
+from glossbench.catalog.locate import locate
 from glossbench.directions import Vec3, cosine_hemisphere, points_2d
-from glossbench.envmap.lights import locate
 from glossbench.errors import InputError
 from glossbench.file_bytes import digest
-from glossbench.surroundings import settled
+from glossbench.process.surroundings import settled
 
 Format = Literal["cornell", "merl", "rgl"]
 READERS: dict[Format, Callable[[Path, str], tuple[Table, int]]] = {

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from glossbench.brdf.lobe import Channels, Lobe, Sample, widen
+from glossbench.brdf.lobe import Lobe, Sample
+from glossbench.channels import Channels, widen
 from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
 
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, GetJsonSchemaHandler, PlainSerializer
 from pydantic_core import CoreSchema
 
-from glossbench.brdf.lobe import Channels, add
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.channels import Channels, add
 from glossbench.errors import InputError
 from glossbench.options import NonNegative
 

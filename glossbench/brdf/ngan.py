@@ -9,11 +9,11 @@ from glossbench.brdf.cook_torrance import CookTorrance
 from glossbench.brdf.lafortune import Lafortune
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.ward import Ward
-from glossbench.catalog import entry, fetch_once
-from glossbench.envmap.lights import locate
+from glossbench.catalog.entries import entry, fetch_once
+from glossbench.catalog.locate import locate
 from glossbench.errors import InputError, nearest
 from glossbench.file_bytes import require_size
-from glossbench.surroundings import settled
+from glossbench.process.surroundings import settled
 
 Model = Literal["cook_torrance", "ward", "ward_duer", "lafortune"]
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import torch
 
 from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe, CosinePoints, Exponent, cosine_lobe
-from glossbench.brdf.lobe import Channels, Sample, channels
+from glossbench.brdf.lobe import Sample
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.channels import Channels, channels
 from glossbench.directions import Vec3
 from glossbench.options import Color
 

@@ -6,9 +6,9 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from glossbench.brdf.lobe import channels
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.microfacet import Beckmann
+from glossbench.channels import channels
 from glossbench.directions import Vec3
 from glossbench.options import Color, Widths
 

@@ -6,8 +6,8 @@ from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
 
-from glossbench.catalog import entries
-from glossbench.study_files import study_files
+from glossbench.catalog.entries import entries
+from glossbench.study.installed import study_files
 
 _REGISTERED = re.compile(r'^@([A-Z]+)S\.register\("(\w+)"\)', re.MULTILINE)
 _GROUPS = {"method": "methods", "material": "brdfs", "light": "lights", "view": "views", "metric": "metrics"}

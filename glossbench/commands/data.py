@@ -7,10 +7,10 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from glossbench.catalog import entries, entry, fetch
+from glossbench.catalog.entries import entries, entry, fetch
 from glossbench.commands.completion import catalogue
+from glossbench.commands.printing import err, out, say, say_lines
 from glossbench.errors import InputError
-from glossbench.printing import err, out, say, say_lines
 from glossbench.strict_json import dumps
 
 app = typer.Typer(help="List and fetch public files of lights, BRDFs and meshes.", no_args_is_help=True)

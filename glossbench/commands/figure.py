@@ -10,9 +10,9 @@ import typer
 
 from glossbench.commands.completion import figures as figure_names
 from glossbench.commands.completion import results as result_folders
+from glossbench.commands.printing import note, print_rows, say
 from glossbench.documentation import documentation
 from glossbench.errors import InputError, nearest
-from glossbench.printing import note, print_rows, say
 
 
 def figure(
@@ -37,7 +37,7 @@ def figure(
     ] = None,
 ) -> None:
     """Write a single figure of results."""
-    from glossbench.results import Results
+    from glossbench.run.results import Results
 
     figures = registered_figures()
     opened = Results.open(results)

@@ -10,12 +10,12 @@ import yaml
 from rich.table import Table
 from rich.text import Text
 
-from glossbench.catalog import Entry, entries
+from glossbench.catalog.entries import Entry, entries
 from glossbench.commands.completion import everything
+from glossbench.commands.printing import out, print_rows, say
 from glossbench.documentation import documentation
 from glossbench.errors import InputError, nearest
-from glossbench.printing import out, print_rows, say
-from glossbench.study_files import study_files
+from glossbench.study.installed import study_files
 
 
 def info(
@@ -50,10 +50,10 @@ def info(
 def registries() -> dict[str, Any]:
     """The registry of each kind of thing."""
     from glossbench.brdf.material import MATERIALS
-    from glossbench.envmap.lights import LIGHTS
+    from glossbench.envmap.lights.light import LIGHTS
     from glossbench.metrics import METRICS
     from glossbench.scene.points import VIEWS
-    from glossbench.shading import METHODS
+    from glossbench.shading.method import METHODS
 
     return {"method": METHODS, "material": MATERIALS, "light": LIGHTS, "view": VIEWS, "metric": METRICS}
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from glossbench.commands.completion import lights
+from glossbench.commands.printing import out, print_rows, say
 from glossbench.errors import InputError
-from glossbench.printing import out, print_rows, say
 
 if TYPE_CHECKING:
-    from glossbench.envmap.facts import LightFacts
-    from glossbench.envmap.projections import Written
+    from glossbench.envmap.lights.facts import LightFacts
+    from glossbench.envmap.projections.conversion import Written
 
 SHORT = {"cross": "vertical_cross"}
 Axes = "forward, opengl, directx, mitsuba, blender, pbrt or nvdiffrec"
@@ -44,10 +44,10 @@ def light(
 ) -> None:  # fmt: skip
     """Say what a light is, draw it, and write it in another projection."""
     from glossbench.commands.picture import half_blocks, picture, write_png
-    from glossbench.envmap.decoded import Covering
-    from glossbench.envmap.exr import check_exr_name, write_exr
-    from glossbench.envmap.lights import light_named
-    from glossbench.envmap.projections import check_written, from_cubemap
+    from glossbench.envmap.formats.decoded import Covering
+    from glossbench.envmap.formats.exr import check_exr_name, write_exr
+    from glossbench.envmap.lights.light import light_named
+    from glossbench.envmap.projections.conversion import check_written, from_cubemap
 
     if output is None and (written, written_axes) != ("lat_long", "forward"):
         raise InputError("--as and --as-axes say how a file is written: name it by -o")

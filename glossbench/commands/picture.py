@@ -11,7 +11,7 @@ from torch.nn.functional import adaptive_avg_pool2d
 from glossbench.atomic import replacing
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LUMINANCE
-from glossbench.envmap.projections import from_cubemap
+from glossbench.envmap.projections.conversion import from_cubemap
 from glossbench.errors import InputError
 from glossbench.srgb import encoded
 

@@ -12,9 +12,8 @@ import typer
 
 from glossbench.commands import completion
 from glossbench.commands.arguments import StudyArgument
-from glossbench.consoles import one_line
-from glossbench.errors import InputError
-from glossbench.printing import (
+from glossbench.commands.consoles import one_line
+from glossbench.commands.printing import (
     Pulse,
     err,
     note,
@@ -26,9 +25,10 @@ from glossbench.printing import (
     warn_of_noise,
     warn_of_times,
 )
+from glossbench.errors import InputError
 
 if TYPE_CHECKING:
-    from glossbench.study import Study
+    from glossbench.study.study import Study
 
 
 def run(
@@ -57,8 +57,8 @@ def run(
     from rich.progress import Progress as Bar
 
     from glossbench.plugins import origin
-    from glossbench.runner import Progress, run_study
-    from glossbench.study import load_study
+    from glossbench.run.runner import Progress, run_study
+    from glossbench.study.study import load_study
 
     loaded = load_study(study, light=light)
     if seed is not None:
@@ -117,7 +117,7 @@ def report(
     pdf: Annotated[bool, typer.Option("--pdf", help="Only the PDF.")] = False,
 ) -> None:
     """Write the reports of results again."""
-    from glossbench.results import Results
+    from glossbench.run.results import Results
 
     opened = Results.open(results)
     only = {name for name, wanted in (("html", html), ("pdf", pdf)) if wanted}
@@ -133,7 +133,7 @@ def _counted(n: int, what: str) -> str:
 
 def _print_plan(study: "Study", folder: Path) -> None:
     """What a run would do."""
-    from glossbench.runner import kept_statuses
+    from glossbench.run.runner import kept_statuses
 
     cells, statuses = study.cells(), kept_statuses(study, folder)
     print_plan(cells, statuses)

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import embedding_bag
 
-from glossbench.brdf.lobe import Channels
+from glossbench.channels import Channels
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates
 

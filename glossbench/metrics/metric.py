@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
+from glossbench.catalog.naming import kind_in_catalog
 from glossbench.errors import InputError, called
-from glossbench.ground_truth import Reference
 from glossbench.options import Options
+from glossbench.process.surroundings import settled
 from glossbench.registry import Registry
-from glossbench.surroundings import settled
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -24,6 +24,14 @@ class HasRadiance(Protocol):
     def radiance(self) -> Tensor: ...
     @property
     def mask(self) -> Tensor: ...
+
+
+@runtime_checkable
+class HasNoise(Protocol):
+    """A reference: it knows the standard error of its radiance, which an image does not."""
+
+    @property
+    def standard_error(self) -> Tensor: ...
 
 
 class Metric(Options):
@@ -71,7 +79,7 @@ class Metric(Options):
         return float(np.mean(errors))
 
 
-METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench.metrics")
+METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench.metrics", kind_in_catalog)
 
 
 def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Floats, Floats, Mask]:
@@ -79,7 +87,7 @@ def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Floats, Floats, M
     for which, given in {"image": image, "truth": truth}.items():
         if not isinstance(given, HasRadiance):
             raise InputError(f"metric(image, truth): {which} must have radiance and mask, got {called(given)}")
-    if isinstance(image, Reference) and not isinstance(truth, Reference):
+    if isinstance(image, HasNoise) and not isinstance(truth, HasNoise):
         raise InputError("metric(image, truth): the reference comes second, got it first")
     mask = truth.mask.cpu().numpy()
     if image.mask.shape != mask.shape:

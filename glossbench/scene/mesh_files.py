@@ -5,17 +5,17 @@ from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
-from glossbench.catalog import entries, fetch
-from glossbench.envmap.lights import locate
+from glossbench.catalog.entries import entries, fetch
+from glossbench.catalog.locate import locate
 from glossbench.errors import InputError, nearest
 from glossbench.file_bytes import digest, require_size
-from glossbench.scene.gltf import buffer_files, read_gltf
+from glossbench.scene.formats.gltf import buffer_files, read_gltf
+from glossbench.scene.formats.obj import read_obj
+from glossbench.scene.formats.ply import read_ply
+from glossbench.scene.formats.polygons import Surface
+from glossbench.scene.formats.stl import read_stl
 from glossbench.scene.mesh import Mesh, make_mesh
-from glossbench.scene.obj import read_obj
-from glossbench.scene.ply import read_ply
-from glossbench.scene.polygons import Surface
 from glossbench.scene.shapes import SHAPES
-from glossbench.scene.stl import read_stl
 
 READERS: dict[str, Callable[[Path], Surface]] = {
     ".obj": read_obj, ".ply": read_ply, ".glb": read_gltf, ".gltf": read_gltf, ".stl": read_stl,

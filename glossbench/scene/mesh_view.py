@@ -13,11 +13,11 @@ from torch import Tensor
 
 from glossbench.directions import Vec3, vec3
 from glossbench.errors import InputError
+from glossbench.process.surroundings import settled
 from glossbench.scene.camera import framing
 from glossbench.scene.mesh import Mesh
 from glossbench.scene.mesh_files import READERS, meaning_of, mesh_named
 from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
-from glossbench.surroundings import settled
 
 # n . wo of a shading normal that interpolation has turned away from the viewer: below it materials are all but mirrors.
 LEAST_COSINE = 0.01

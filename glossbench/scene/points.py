@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from glossbench.catalog.naming import kind_in_catalog
 from glossbench.directions import Vec3, to_local
 from glossbench.memory import check_memory
 from glossbench.options import Options
@@ -92,7 +93,7 @@ def check_pixels(view: View, height: int, width: int) -> None:
     check_memory(f"{view.name}: a view of {width} x {height} pixels", 400 * height * width)
 
 
-VIEWS: Registry[View] = Registry("view", "glossbench.scene", "glossbench.views")
+VIEWS: Registry[View] = Registry("view", "glossbench.scene", "glossbench.views", kind_in_catalog)
 
 
 def image_of(mask: Tensor, values: Tensor) -> Tensor:

@@ -6,9 +6,13 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.lighting_function import pair_points, valid_pairs
+from glossbench.directions import Vec3, cross, dot, normalize, stack, vec3
+from glossbench.envmap.cubemap import texel_directions
 from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
 from glossbench.scene.sphere import UnitSphere
+
+# A view at right angles to the normal, up to rounding, is none.
+LEAST_COSINE = 1e-6
 
 
 @VIEWS.register("virtual_cube")
@@ -54,3 +58,32 @@ class VirtualCube(View):
     def recorded(self, radiance: Tensor) -> Tensor:
         """Radiance up to the ceiling."""
         return radiance.clamp(max=self.ceiling) if self.ceiling > 0 else radiance
+
+
+def virtual_directions(edge: int) -> Tensor:
+    """Centres of the texels of a cube, (6 V^2, 3), float64, in the order (face, row, column)."""
+    return stack(Vec3(*(c.double() for c in texel_directions(edge)))).reshape(-1, 3)
+
+
+def valid_pairs(edge: int) -> Tensor:
+    """Numbers (S, 2) of the texels n, v of a cube with n . v > 0, normal by normal."""
+    d = virtual_directions(edge)
+    return (d @ d.T > LEAST_COSINE).nonzero()
+
+
+def tangent(n: Vec3) -> Vec3:
+    """t = (x - (x . n) n) / |.|, x the world's +x; where n = +-x every tangent is as good as another, and +y is taken.
+
+    Source: Latta and Kolb 2002, below eq. 6, where x is horizontal for the viewer.
+    """
+    t = Vec3(1 - n.x * n.x, -n.x * n.y, -n.x * n.z)
+    singular = dot(t, t) < 1e-12
+    return normalize(Vec3(*(torch.where(singular, v, c) for c, v in zip(t, (0.0, 1.0, 0.0), strict=True))))
+
+
+def pair_points(edge: int, pairs: Tensor) -> ShadingPoints:
+    """Shading points with the normals and views of pairs of texels of a cube."""
+    d = virtual_directions(edge)
+    n, wo = vec3(d[pairs[:, 0]]), vec3(d[pairs[:, 1]])
+    t = tangent(n)
+    return ShadingPoints(t, cross(n, t), n, wo).each(lambda c: c.float().contiguous())

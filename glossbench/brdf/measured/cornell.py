@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from torch import Tensor
 
-from glossbench.brdf.lobe import Channels
 from glossbench.brdf.measured.colorimetry import WAVELENGTHS, rec709
 from glossbench.brdf.measured.half_difference import half_difference
+from glossbench.channels import LARGEST, Channels
 from glossbench.directions import Vec3, spherical
-from glossbench.envmap.radiance import LARGEST
 from glossbench.errors import InputError
+from glossbench.factorization import FactorMap, factorize, grid_laplacian, grid_rows
 from glossbench.file_bytes import require_size
-from glossbench.homomorphic import FactorMap, factorize, grid_laplacian, grid_rows
 
 Floats = NDArray[np.float64]
 # Nodes of p lie at the tens of degrees, where the goniometer stood: between them maps of nothing but samples at tens

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from glossbench.brdf.lobe import Channels
 from glossbench.brdf.measured.half_difference import azimuth
+from glossbench.channels import Channels
 from glossbench.directions import Vec3, dot, reflect
 
 VIEWS, RINGS, SECTORS = 45, 90, 36  # of the angle of the view, of the half vector's angle and azimuth

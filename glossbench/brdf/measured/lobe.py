@@ -7,8 +7,9 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from glossbench.brdf.lobe import Channels, Lobe, Sample, widen
+from glossbench.brdf.lobe import Lobe, Sample
 from glossbench.brdf.measured.half_vector_density import HalfVectorDensity, TabulatedPoints, half_vector_density
+from glossbench.channels import Channels, widen
 from glossbench.directions import Vec3, dot, half_vector, reflect
 
 

@@ -8,10 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from glossbench.brdf.lobe import Channels
 from glossbench.brdf.measured.half_difference import half_difference
+from glossbench.channels import LARGEST, Channels
 from glossbench.directions import Vec3
-from glossbench.envmap.radiance import LARGEST
 from glossbench.errors import InputError
 
 SHAPE = (90, 90, 180)  # theta_h, theta_d, phi_d

@@ -10,11 +10,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from glossbench.brdf.lobe import Channels
 from glossbench.brdf.measured.half_difference import azimuth
 from glossbench.brdf.measured.tensor_file import read_tensors
+from glossbench.channels import LARGEST, Channels
 from glossbench.directions import Vec3, half_vector
-from glossbench.envmap.radiance import LARGEST
 from glossbench.errors import InputError
 
 FIELDS = {"theta_i": 1, "phi_i": 1, "sigma": 2, "ndf": 2, "vndf": 4, "luminance": 4, "rgb": 5, "jacobian": 1}

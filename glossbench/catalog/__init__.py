@@ -1,0 +1,1 @@
+"""Public inputs: a name in the catalogue -> a verified file on this machine."""

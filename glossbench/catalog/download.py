@@ -1,0 +1,121 @@
+"""A file from the network: verified by its hash, whole or not at all, a broken download continued on the next try."""
+
+import hashlib
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import requests
+from filelock import FileLock
+from urllib3.exceptions import HTTPError
+
+from glossbench.catalog.folders import DATA_VARIABLE
+from glossbench.errors import InputError
+
+TIMEOUT = (10.0, 30.0)  # seconds: to connect, and without a byte
+SLOWEST = 1000.0  # bytes per second, on average over PATIENCE, or a server is given up
+PATIENCE = 60.0  # seconds
+BLOCK = 1 << 12  # bytes; one that a broken connection cuts is lost
+
+
+def download(url: str, target: Path, sha256: str, size: int, progress: Callable[[int], None] = lambda n: None) -> Path:
+    """Brings the file of a URL under the name of target.
+
+    Bytes are gathered in `<target>.part` beside it, which a broken download leaves behind and the next one
+    continues (an HTTP range request); a server that sends the whole file anyway starts it anew. One process at
+    a time: another waits, and finds the file.
+
+    Args:
+        sha256: of the file; other bytes are thrown away.
+        size: of the file, in bytes.
+        progress: told the bytes that are here, while they arrive.
+
+    Raises:
+        InputError: the server cannot be reached or has no such file, the bytes stop early or are others, or the
+            folder cannot be written.
+    """
+    part = target.with_name(f"{target.name}.part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(target.parent / ".lock"):
+            if _sha256(target) != sha256:
+                if not part.exists() or part.stat().st_size != size:
+                    _receive(url, part, size, progress)
+                if _sha256(part) != sha256:
+                    part.unlink()
+                    raise InputError(f"{url} is not the file of the catalogue: its sha256 is another; nothing is kept")
+                os.replace(part, target)
+    except requests.RequestException as error:
+        raise InputError(f"cannot reach {host(url)}: {_reason(error)}; {_by_hand(target)}") from None
+    except OSError as error:
+        raise InputError(f"cannot write to {target.parent}: {error.strerror or error}") from None
+    return target
+
+
+def host(url: str) -> str:
+    """The server of a URL."""
+    return urlsplit(url).netloc
+
+
+def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -> None:
+    """Appends to the part what it lacks, and no byte beyond the size."""
+    have = part.stat().st_size if part.exists() else 0
+    if have > size:
+        have = 0
+    # Compressed by the server, the bytes asked for would be others.
+    headers = {"Accept-Encoding": "identity", **({"Range": f"bytes={have}-"} if have else {})}
+    with requests.get(url, headers=headers, stream=True, timeout=TIMEOUT) as answer:
+        if have and answer.status_code == requests.codes.requested_range_not_satisfiable:
+            part.unlink()  # longer than the server's file: no beginning of it
+            return _receive(url, part, size, progress)
+        if not answer.ok:
+            status = f"{answer.status_code} {answer.reason}"
+            raise InputError(f"{host(url)} answers {status} for {url}; {_by_hand(part.with_suffix(''))}")
+        continued = answer.headers.get("Content-Range", "").startswith(f"bytes {have}-")
+        if not (answer.status_code == 206 and continued):
+            have = 0
+        with part.open("ab" if have else "wb") as file:
+            progress(have)
+            since, before = time.monotonic(), have
+            try:
+                while block := answer.raw.read1(
+                    BLOCK, decode_content=True
+                ):  # what is there, and does not wait for a whole block
+                    have += file.write(block)
+                    progress(have)
+                    if have > size:
+                        return  # the hash tells
+                    if (seconds := time.monotonic() - since) >= PATIENCE:
+                        if have - before < SLOWEST * seconds:
+                            raise InputError(
+                                f"{host(url)} is given up: it sent {have - before} bytes in {seconds:.0f} s, and the "
+                                f"file has {size}; the same command goes on from there"
+                            )
+                        since, before = time.monotonic(), have
+            except HTTPError:
+                pass  # what came is kept
+    if have < size:
+        raise InputError(f"{host(url)} broke off after {have} of {size} bytes; the same command goes on from there")
+
+
+def _sha256(path: Path) -> str | None:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+
+
+def _by_hand(target: Path) -> str:
+    return (
+        f"the file may be put into {target.parent} as {target.name} by hand, or a folder that has it named by "
+        f"{DATA_VARIABLE}"
+    )
+
+
+def _reason(error: requests.RequestException) -> str:
+    """The innermost cause in a few words: requests wraps it in those of the libraries below it."""
+    if isinstance(error, requests.Timeout):
+        return "no answer in time"
+    cause: BaseException = error
+    while cause.__context__ is not None:
+        cause = cause.__context__
+    return getattr(cause, "strerror", None) or str(cause)

@@ -1,0 +1,26 @@
+"""Where a file is that a study names: here, beside the study, or among the public files."""
+
+import os
+from pathlib import Path
+
+from glossbench.catalog.folders import DATA_VARIABLE, data_folders
+from glossbench.errors import InputError
+
+
+def locate(file: str, beside: Path | None = None, what: str = "image file") -> Path:
+    """The existing file that a name means: as it stands, beside the study, below GLOSSBENCH_DATA, or fetched.
+
+    Raises:
+        InputError: no such file in any of these places.
+    """
+    folder = os.environ.get(DATA_VARIABLE)
+    for place in [Path(file), *([beside / file] if beside else [])]:
+        if os.path.isfile(place):  # false, where Path.is_file raises: for a name too long
+            return place
+    for data in [] if Path(file).is_absolute() else data_folders():
+        matching = [p for p in sorted(data.rglob("*")) if p.as_posix().endswith(f"/{file}") and p.is_file()]
+        if matching:
+            return matching[0]
+    tried = dict.fromkeys([Path.cwd(), *([beside] if beside else [])])
+    where = f"not below {DATA_VARIABLE}={folder}" if folder else f"and {DATA_VARIABLE} names no folder of data"
+    raise InputError(f"no {what} {file!r}: not in {' or '.join(map(str, tried))} {where}")

@@ -1,0 +1,29 @@
+"""Names of the catalogue beside those of registries: what else a name means, and a registered class for each file."""
+
+from collections.abc import Iterable
+from typing import TypeVar
+
+from glossbench.catalog.entries import KINDS, Entry, entries
+from glossbench.documentation import documentation
+from glossbench.options import Options
+from glossbench.registry import Registry
+
+T = TypeVar("T", bound=Options)
+
+
+def kind_in_catalog(name: str) -> str:
+    """The end of a message on a name that the catalogue knows as another kind of thing; empty where it knows none."""
+    return next((f"; the catalogue has {KINDS[each.kind]} of this name" for each in entries() if each.name == name), "")
+
+
+def register_entries(registry: Registry[T], base: type[T], stated: Iterable[Entry], documented: type[T]) -> None:
+    """A class of a base for each file of the catalogue, so that its name is one like any other.
+
+    Args:
+        documented: the class whose docstring describes the options, after its first paragraph.
+    """
+    options = documentation(documented).partition("\n\n")[2]
+    for each in stated:
+        about = f"{each.stresses[0].upper()}{each.stresses[1:]}: {each.file} of the catalogue.\n\n{options}"
+        members = {"__doc__": about, "__module__": base.__module__, "__qualname__": each.name}
+        registry.register(each.name)(type(each.name, (base,), members))

@@ -1,0 +1,207 @@
+"""Measuring this machine: the shading kernel, pyramids and memory, as ratios taken in one run."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Any, get_args
+
+import torch
+from torch import Tensor
+
+from glossbench.brdf.cook_torrance import CookTorrance
+from glossbench.brdf.kurt import Kurt
+from glossbench.brdf.lobe import Lobe
+from glossbench.directions import Vec3, points_2d, stack, to_local, to_world, vec3
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.lights.synthetic import Spots
+from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, weighted_radiance
+from glossbench.prefilter.lighting_function import sample_lighting_function, texel_weights
+from glossbench.prefilter.median_cut import median_cut
+from glossbench.prefilter.shadows import variance_shadow_maps
+from glossbench.scene.points import ShadingPoints
+from glossbench.scene.shapes import cloth
+from glossbench.scene.sphere import Sphere
+from glossbench.scene.virtual_cube import pair_points, valid_pairs, virtual_directions
+from glossbench.shading.kernels import can_fuse, over_points
+from glossbench.shading.method import METHODS, stages_of
+
+SAMPLES, CUBE, VIEW, REGIONS = 32, 256, 128, 64
+
+
+@dataclass(frozen=True)
+class Line:
+    """One measured thing: what, its value with unit, and its ratio to what the run compares it with."""
+
+    what: str
+    value: str
+    ratio: str = ""
+
+
+def measure(tell: Callable[[str], None]) -> list[Line]:
+    """All measurements, a minute or two; `tell` is called with what is under way."""
+    tell("shading kernel")
+    lines = _kernel_lines()
+    tell("sampling the lighting function")
+    lines += _lighting_lines()
+    tell("pyramids of a 1024 cube")
+    lines += _pyramid_lines(1024)
+    tell(f"{REGIONS} partial maps of a {CUBE} cube, and their shadow maps")
+    lines += _partial_map_lines()
+    tell("peak memory of a 512^2 sphere at 270 samples")
+    return [*lines, _memory_line()]
+
+
+def _kernel_lines() -> list[Line]:
+    points = Sphere(resolution=VIEW).points()
+    pyramid = build_pyramid(Spots(resolution=CUBE).cubemap(), "box")
+    lobe = Kurt(m=(0.15, 0.15)).reflectance().lobes[0]
+    samples = lobe.sample_points(points_2d(SAMPLES))
+    level = torch.tensor(-2.5)
+    arguments = (lobe, samples, pyramid, level)
+    pairs = len(points) * SAMPLES
+    plain = _rate(lambda: _straightforward(points, lobe, samples, pyramid, level), pairs)
+    eager = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments, fuse=False), pairs)
+    what = f"filtered importance sampling, {SAMPLES} samples, {CUBE} cube, {VIEW}^2 sphere"
+    lines = [
+        Line(f"{what}: straightforward eager", f"{plain:.1f} M samples/s", "1"),
+        Line(f"{what}: chunked eager", f"{eager:.1f} M samples/s", f"{eager / plain:.1f}"),
+    ]
+    if can_fuse():
+        fused = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments, fuse=True), pairs)
+        lines.append(Line(f"{what}: fused", f"{fused:.1f} M samples/s", f"{fused / plain:.1f}"))
+    return lines
+
+
+def _filtered(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
+    """The kernel of filtered importance sampling, written as methods write it."""
+    wi, pdf, weight = lobe.sample(points.wo_local(), samples)
+    d = to_world(wi, points.t, points.b, points.n)
+    return weighted_radiance(pyramid, d, level + 0.5 * (pyramid.log2_texels_per_sr(d) - torch.log2(pdf)), weight)
+
+
+def _straightforward(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
+    """The same sum written as a textbook would: (P, N, 3) tensors, a gather a tap, no chunks."""
+    columns = points.columns(0, len(points))
+    wi, pdf, weight = lobe.sample(columns.wo_local(), samples)
+    frame = torch.stack([stack(columns.t), stack(columns.b), stack(columns.n)], dim=-2)
+    d = (stack(wi)[..., None, :] @ frame)[..., 0, :]
+    components = Vec3(d[..., 0], d[..., 1], d[..., 2])
+    lod = level + 0.5 * (pyramid.log2_texels_per_sr(components) - torch.log2(pdf))
+    rows, shares = pyramid.taps(components, lod)
+    radiance = torch.zeros_like(d)
+    for row, share in zip(rows, shares, strict=True):
+        radiance = radiance + pyramid.texels[row.long()] * share[..., None]
+    return (radiance * weight[0][..., None]).sum(dim=1)
+
+
+def _lighting_lines() -> list[Line]:
+    """Terms f L g cos a second, for a virtual cube of 8 and a light of 32: one by one, and by the cube's rotations."""
+    light, material = Spots(resolution=32).cubemap(), CookTorrance(m=(0.3, 0.3), f0=(0.95, 0.64, 0.54))
+    normals = torch.arange(0, 384, 48)
+    terms = len(valid_pairs(8)) * 6 * 32**2
+    plain = _rate(lambda: [_term_by_term(light, material, 8, int(n)) for n in normals], terms * len(normals) // 384, 1)
+    ours = _rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=False), terms, 1)
+    what = "lighting function, Cook-Torrance, virtual cube of 8, light of 32"
+    lines = [
+        Line(f"{what}: term by term, eager", f"{plain:.1f} M terms/s", "1"),
+        Line(f"{what}: one normal for 24, eager", f"{ours:.1f} M terms/s", f"{ours / plain:.1f}"),
+    ]
+    if can_fuse():
+        fused = _rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=True), terms, 1)
+        lines.append(Line(f"{what}: one normal for 24, fused", f"{fused:.1f} M terms/s", f"{fused / plain:.1f}"))
+    return lines
+
+
+def _seen(edge: int, normal: int) -> Tensor:
+    """Numbers of the views above a normal's horizon."""
+    pairs = valid_pairs(edge)
+    return pairs[pairs[:, 0] == normal, 1]
+
+
+def _term_by_term(light: CubeMap, material: CookTorrance, edge: int, normal: int) -> Tensor:
+    """Lo of one normal and all its views as a textbook would: all texels, values of f for each of its own."""
+    views = _seen(edge, normal)
+    points = pair_points(edge, torch.stack([torch.full_like(views, normal), views], 1)).columns(0, len(views))
+    texels = vec3(virtual_directions(light.resolution).float()[None])
+    wi = to_local(texels, points.t, points.b, points.n)
+    weight = wi.z.clamp(min=0) * texel_weights(light.resolution, "exact").float()
+    values = torch.stack([f * weight for f in material.reflectance().f(points.wo_local(), wi)], -1)
+    return (values * light.faces.reshape(-1, 3)).sum(1)
+
+
+def _rate(work: Callable[[], Any], pairs: int, repeats: int = 10) -> float:
+    """Million point-sample pairs a second, the best of so many runs after a warm one."""
+    return pairs / _seconds(work, repeats) / 1e6
+
+
+def _seconds(work: Callable[[], Any], repeats: int) -> float:
+    work()
+    best = float("inf")
+    for _ in range(repeats):
+        started = time.perf_counter()
+        work()
+        best = min(best, time.perf_counter() - started)
+    return best
+
+
+def _pyramid_lines(resolution: int) -> list[Line]:
+    light = Spots(resolution=resolution).cubemap()
+    copy = _seconds(light.faces.clone, 10)
+    lines = [Line(f"copy of a {resolution} cube", f"{1000 * copy:.1f} ms", "1")]
+    for mip_filter in FILTERS:
+        seconds = _seconds(lambda: build_pyramid(light, mip_filter), 5)  # type: ignore[arg-type]  # noqa: B023
+        lines.append(Line(f"{mip_filter} pyramid of it", f"{1000 * seconds:.1f} ms", f"{seconds / copy:.1f}"))
+    return lines
+
+
+def _partial_map_lines() -> list[Line]:
+    """64 regions: their maps beside as many whole cubes through a plain pyramid, and their shadow maps."""
+    light = Spots(resolution=CUBE).cubemap()
+    regions = median_cut(light, REGIONS)
+    plain = REGIONS * _seconds(lambda: build_pyramid(light, "box"), 5)
+    lines = [Line(f"{REGIONS} box pyramids of a {CUBE} cube", f"{plain:.2f} s", "1")]
+    for name, storage, maps in _map_stages():
+        seconds = _seconds(lambda: maps(light, regions), 1)  # noqa: B023
+        lines.append(Line(f"{REGIONS} maps of {name}, {storage}", f"{seconds:.2f} s", f"{seconds / plain:.1f}"))
+    mesh = cloth(rows=187)
+    seconds = _seconds(lambda: variance_shadow_maps(mesh, regions.direction, regions.solid_angle), 1)
+    return [*lines, Line(f"{REGIONS} shadow maps of 256^2, a mesh of {len(mesh.faces)} triangles", f"{seconds:.2f} s")]
+
+
+def _map_stages() -> Iterator[tuple[str, str, Callable[..., Any]]]:
+    """The stage `maps` of each method that offers several storages of partial maps, with each of these."""
+    for cls in map(METHODS.get, METHODS.names()):
+        storage = {each.name: each.type for each in fields(cls)}.get("storage")
+        for value in get_args(storage):
+            method = cls.create({"storage": value, "regions": REGIONS, "mip_filter": "sqrt_cosine"})
+            yield cls.name, value, partial(stages_of(cls)["maps"].function, method)
+
+
+def shade_large() -> Tensor:
+    """270 samples a pixel of a 512^2 sphere under a 1024 cube: 56 million samples."""
+    points, pyramid = Sphere(resolution=512).points(), build_pyramid(Spots().cubemap(), "gauss6")
+    lobe = Kurt(m=(0.15, 0.15)).reflectance().lobes[0]
+    samples = lobe.sample_points(points_2d(270))
+    return over_points(_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0), fuse=False)
+
+
+# A process of its own, whose peak is that of the work.
+_MEMORY_PROBE = """
+import resource, sys
+from glossbench.commands.bench import shade_large
+shade_large()
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+print(peak / (1024**2 if sys.platform == "darwin" else 1024))
+"""
+
+
+def _memory_line() -> Line:
+    what = "peak memory of a process that shades a 512^2 sphere at 270 samples under a 1024 cube"
+    try:
+        done = subprocess.run([sys.executable, "-c", _MEMORY_PROBE], capture_output=True, text=True, check=True)
+    except subprocess.CalledProcessError as error:
+        return Line(what, f"not measured: {error.stderr.strip().splitlines()[-1]}")
+    return Line(what, f"{float(done.stdout):.0f} MB", "")

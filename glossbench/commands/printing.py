@@ -1,0 +1,185 @@
+"""What the command line prints: lines, facts, the table of a run, the verdicts."""
+
+import json
+import time
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+from rich.text import Text
+
+from glossbench.commands.consoles import Console, one_line
+from glossbench.study.labels import KINDS, identity, listed, names_of, parsed, told_apart
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas
+    from rich.progress import Progress
+
+    from glossbench.study.cells import Cell
+
+BUSY = 0.1  # share of the time that other work took; times are then a tenth too long or more
+out = Console()
+err = Console(stderr=True)
+PULSE = 30.0  # seconds between two lines
+MAX_ROWS = 40  # of a table, and of what it says below: more than a terminal shows helps no one
+
+
+class Pulse:
+    """A bar's progress where no terminal draws it, in a log say: a line on standard error, at most one a `PULSE`."""
+
+    def __init__(self, bar: "Progress") -> None:
+        self.bar, self.last = bar, time.monotonic()
+
+    def __call__(self) -> None:
+        if err.is_terminal or time.monotonic() - self.last < PULSE:
+            return
+        self.last, task = time.monotonic(), self.bar.tasks[0]
+        done = f"{task.completed:.0f} of {task.total or 0:.0f} cells, {task.elapsed or 0:.0f} s"
+        err.print(one_line(f"{done}: {task.description}"), soft_wrap=True)
+
+
+def say(text: str) -> None:
+    """A line on standard output, however long; a name of a file may hold the end of a line."""
+    out.print(one_line(text), soft_wrap=True)
+
+
+def say_lines(text: str) -> None:
+    """Text of several lines, each as it is."""
+    out.print(text, soft_wrap=True)
+
+
+def note(text: str) -> None:
+    """What is out of the ordinary, in one line on standard error."""
+    err.print(one_line(f"note: {text}"), style="yellow", soft_wrap=True)
+
+
+def print_rows(rows: dict[str, str]) -> None:
+    """What something is, a line a fact, and an empty line; facts that are empty are left out."""
+    stated = [(fact, line) for fact, value in rows.items() for line in value.splitlines()]
+    width = max((len(fact) for fact, _ in stated), default=0)
+    before = ""
+    for fact, line in stated:
+        label = "" if fact == before else fact
+        out.print(Text.assemble((f"{label:<{width}}", "bold"), "  ", line), soft_wrap=True)
+        before = fact
+    if stated:
+        out.print()
+
+
+def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
+    """The first cells of a run, a row each, named by the options that tell them apart; and how many more there are."""
+    from glossbench.findings.legends import explain_table  # late, as it imports torch
+
+    rows = [parsed(row) for row in cells.to_dict("records")]
+    names = {kind: names_of(kind, rows) for kind in KINDS}
+    kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
+    methods = _method_names(rows)
+    table = Table(box=None, pad_edge=False)
+    for heading in (*kinds, "method"):
+        table.add_column(heading)
+    for heading in ("samples", *metrics, "shade ms"):
+        table.add_column(heading, justify="right")
+    for row, method in list(zip(rows, methods, strict=True))[:MAX_ROWS]:
+        named = [Text(name) for name in (*(names[kind][identity(kind, row)] for kind in kinds), method)]
+        if row["status"] != "done":
+            table.add_row(*named, row["status"])
+            continue
+        numbers = [
+            "floor" if row["at_noise_floor"] and name != "mean_error" else f"{row[name]:.4g}" for name in metrics
+        ]
+        table.add_row(*named, str(row["n_samples"]), *numbers, f"{1000 * row['shade_seconds']:.1f}")
+    # Numbers that a narrow window, or a file, would cut are of no use.
+    needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
+    Console(width=max(needed, out.width)).print(table, soft_wrap=True)
+    if len(rows) > MAX_ROWS:
+        say(f"... and {len(rows) - MAX_ROWS} more of {len(rows)} rows: all are in the report and in cells.parquet")
+    reasons = dict.fromkeys(
+        f"{row['status']}: {row['method']}: {row['reason'].strip().splitlines()[-1]}"
+        for row in rows
+        if row["status"] != "done"
+    )
+    for reason in list(reasons)[:MAX_ROWS]:
+        say(reason)
+    if len(reasons) > MAX_ROWS:
+        say(f"... and {len(reasons) - MAX_ROWS} more reasons: all are in the report")
+    print_words(explain_table(rows, with_decided=False))
+
+
+def print_words(said: dict[str, str]) -> None:
+    """What words of a table or a verdict mean, a line each."""
+    for word, text in said.items():
+        out.print(f"{word}: {text}", style="dim", soft_wrap=True)
+
+
+def _method_names(rows: list[dict[str, Any]], over: str | None = None) -> list[str]:
+    """Of each row the method, with the options that tell it from others, what an option `over` decides left out."""
+    texts = [listed(options) for _, options in told_apart(rows, over)]
+    return [f"{row['method']} ({text})" if text else row["method"] for row, text in zip(rows, texts, strict=True)]
+
+
+def print_plan(cells: "Sequence[Cell]", statuses: "Sequence[str]") -> None:
+    """What a run would make, a line a cell: what is on disk of it, and the names that tell it from the others."""
+    rows = []
+    for cell in cells:
+        row: dict[str, Any] = {"method": cell.method.name, "options": json.dumps(cell.method.options)}
+        row |= {"tuned": json.dumps({cell.method.tune.option: ""} if cell.method.tune else {})}
+        for kind in KINDS:
+            item = getattr(cell, kind)
+            row |= {kind: item.name, f"{kind}_options": json.dumps(item.options)}
+        rows.append(parsed(row | {"status": "new", "n_samples": 0}))
+    names = {kind: names_of(kind, rows) for kind in KINDS}
+    columns = [list(statuses)]
+    kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
+    columns += [[names[kind][identity(kind, row)] for row in rows] for kind in kinds]
+    columns += [_method_names(rows, over="")]
+    widths = [max(map(len, column)) for column in columns]
+    for line in zip(*columns, strict=True):
+        say("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
+
+
+def print_verdicts(claims: list[dict[str, Any]]) -> None:
+    """The claims of a study, each with its verdict."""
+    from glossbench.findings.legends import explain_verdicts  # late, as it imports torch
+
+    styles = {"holds": "green", "does not hold": "red", "within noise": "yellow"}
+    for claim in claims:
+        out.print()
+        out.print(claim["verdict"], style=styles.get(claim["verdict"], "dim"), end="  ")
+        out.print(f"{claim['text']}\n  {claim['summary']}")
+    print_words(explain_verdicts(claims))
+    out.print()
+
+
+def print_notes(cells: "pandas.DataFrame") -> None:
+    """What was repaired or fitted, a line each, once."""
+    for text in dict.fromkeys(text for notes in cells["notes"] for text in json.loads(notes)):
+        note(text)
+
+
+def warn_of_noise(cells: "pandas.DataFrame") -> None:
+    """One line if references stopped at their largest number of samples before they met the noise asked for."""
+    references = cells.drop_duplicates("reference_key")
+    missed = references[references["reference_noise"] > references["reference_target"]]
+    if len(missed):
+        worst = (missed["reference_noise"] / missed["reference_mean"]).max()
+        wanted = (missed["reference_target"] / missed["reference_mean"]).min()
+        err.print(
+            f"{len(missed)} of {len(references)} references did not meet the noise asked for: {100 * worst:.2g} % of "
+            f"the mean for {100 * wanted:.2g} %, at reference.max_samples",
+            style="yellow", soft_wrap=True,
+        )  # fmt: skip
+
+
+def warn_of_times(cells: "pandas.DataFrame") -> None:
+    """A line where times do not compare: the machine was busy, or cells were timed on two processors."""
+    done = cells[cells["status"] == "done"]
+    busy = int((done["busy"] > BUSY).sum())
+    if busy:
+        text = f"{busy} of {len(done)} cells were timed while other programs took the processor for "
+        text += f"{100 * done['busy'].max():.0f} % of the time at worst: their times are too long"
+        err.print(text, style="yellow", soft_wrap=True)
+    processors = list(dict.fromkeys(done["processor"]))
+    if len(processors) > 1:
+        text = f"cells were timed on {len(processors)} processors, whose times do not compare: {', '.join(processors)}"
+        err.print(text, style="yellow", soft_wrap=True)

@@ -1,0 +1,84 @@
+"""The contract that every method keeps, measured: what `glossbench check-method` runs on any plug-in."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from glossbench.contract.checks import (
+    Outcome,
+    check_chunks,
+    check_converges,
+    check_finite,
+    check_furnace,
+    check_linear,
+    check_one_by_one,
+    check_pure,
+    check_shape,
+    check_supports,
+    check_turns,
+)
+from glossbench.errors import InputError, nearest
+from glossbench.plugin_errors import one_line
+from glossbench.plugins import NoSuchModule, import_plugin
+from glossbench.process.state import Restored, guarded
+from glossbench.process.surroundings import settled
+from glossbench.shading.method import METHODS, Method
+
+CHECKS: tuple[Callable[..., Outcome], ...] = (
+    check_furnace,
+    check_linear,
+    check_turns,
+    check_converges,
+    check_finite,
+    check_chunks,
+    check_one_by_one,
+    check_shape,
+    check_pure,
+    check_supports,
+)
+
+
+@settled()
+def check_contract(name: str, tell: Callable[[str], None] = lambda text: None) -> list[Outcome]:
+    """All checks of a registered method, or of each method that an importable module registers.
+
+    Args:
+        tell: which check is under way.
+
+    Raises:
+        InputError: no such method or module, the module registers none, or an option has no default.
+    """
+    methods = _methods_of(name)
+    outcomes = []
+    for method in methods:
+        prefix = f"{method.name}: " if len(methods) > 1 else ""
+        for check in CHECKS:
+            tell(f"{method.name}: {check.__name__.removeprefix('check_').replace('_', ' ')}")
+            with guarded(type(method)):
+                outcome = check(method)
+            outcomes.append(replace(outcome, check=prefix + outcome.check))
+    return outcomes
+
+
+def as_checked(name: str) -> Method:
+    """A registered method with the options under which the contract's checks run."""
+    return METHODS.create(name, METHODS.get(name).contract.quick)
+
+
+def _methods_of(name: str) -> list[Method]:
+    if name in METHODS.names():
+        return [as_checked(name)]
+    try:
+        with Restored(f"plugin {name!r}"):
+            import_plugin(name)
+    except NoSuchModule as error:
+        hint = nearest(name, METHODS.names())
+        where = hint if "did you mean" in hint else f": {error}"
+        raise InputError(f"unknown method {name!r}, nor a module{where}") from None
+    except (Exception, SystemExit) as error:  # a plug-in is anyone's code
+        told = str(error) if isinstance(error, InputError) else one_line(error)
+        raise InputError(f"module {name!r}: {told}") from error
+    classes = [METHODS.get(n) for n in METHODS.names()]
+    own = [as_checked(cls.name) for cls in classes if cls.__module__ == name]
+    if not own:
+        raise InputError(f"module {name!r} registers no method")
+    return own

@@ -1,0 +1,1 @@
+"""Image files of radiance: each format read as an array of linear Rec. 709."""

@@ -1,0 +1,227 @@
+"""OpenEXR images: scanline or tiled, single- or multi-part, with MIP levels or without, to an array, and back."""
+
+import io
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import OpenImageIO as oiio
+from torch import Tensor
+
+from glossbench.atomic import replacing
+from glossbench.envmap.formats.chromaticities import in_rec709
+from glossbench.envmap.formats.decoded import Covering, Decoded
+from glossbench.envmap.formats.exr_layers import Layer, colour_layer
+from glossbench.envmap.formats.refusals import check_fits, check_size, damaged, last_error
+from glossbench.errors import CannotWrite, InputError
+
+KIND = "an OpenEXR image"
+_BLOCK = 2**26  # bytes of pixels at a time
+_PROJECTION, _AXES = "glossbench:projection", "glossbench:axes"  # attributes of the files that are written here
+# What the format's own attribute means, by the library's name for its values.
+_ENVMAP = {"LatLong Environment": ("lat_long", "mitsuba"), "CubeFace Environment": ("openexr_cube", "forward")}
+_LAT_LONG_NOTE = "by its attribute envmap +z is in the centre, -x right of it (axes mitsuba); `axes: forward` wins"
+
+
+def read_exr(path: Path, layer: str | None = None) -> Decoded:
+    """Radiance (H, W, 3), float32, of the display window: level 0, black where the data window does not reach.
+
+    Of a named layer, or of the one that holds all of the light (see `exr_layers`). Unsigned integers become the
+    number that they are. Colour is that of `chromaticities` turned to linear Rec. 709, and counts as stored: it is
+    premultiplied by alpha, so that what is transparent is black. The other parts and levels are read too, and
+    dropped: a file cut short is refused wherever the cut is. `whiteLuminance`, an absolute unit, and
+    `worldToCamera`, which says nothing of a picture of all directions, are left out of account.
+
+    How it covers the sphere is what `write_exr` wrote there, or the format's own attribute `envmap`.
+
+    Raises:
+        InputError: damaged, too large, deep, luminance and chroma (Y, RY, BY), no such layer, no colour, or none of
+            its pixels within the display window.
+
+    Source: OpenEXR, "Technical Introduction" (windows, premultiplied alpha), "Standard Attributes", ImfEnvmap.h.
+    """
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise _unopened(path, last_error(oiio.geterror))
+    try:
+        parts = _parts(path, source)
+        chosen, notes = colour_layer(path, parts, layer)
+        spec = parts[chosen.part]
+        if spec.deep:
+            raise InputError(f"{path}: a deep image has no single radiance per pixel; flatten it first")
+        notes += _windows(path, spec) + _shape_of_pixels(spec)
+        check_fits(path, spec.full_width, spec.full_height)
+        image, n_transparent = _whole(path, source, spec, chosen)
+    finally:
+        source.close()
+    if n_transparent:
+        notes += (f"alpha is below 1 in {n_transparent} pixels: their colour counts as stored, with black behind it",)
+    stated = spec.getattribute("chromaticities")
+    if stated is not None and len(set(chosen.channels)) > 1:
+        pairs = tuple(zip(stated[::2], stated[1::2], strict=True))
+        told = "the chromaticities " + " ".join(f"({x:.4g}, {y:.4g})" for x, y in pairs)
+        image, more = in_rec709(image, pairs, told)
+        notes += more
+    return Decoded(image, notes, _covering(spec))
+
+
+def write_exr(
+    path: str | Path,
+    image: Tensor,
+    channels: Sequence[str] = ("R", "G", "B"),
+    covers: Covering | None = None,
+) -> None:
+    """Writes an image (H, W, C) as float32 OpenEXR, one name a channel; the same image gives the same bytes.
+
+    The file appears under its name whole or not at all. How it covers the sphere is written where that is given, and
+    as the format's own `envmap` too where this means the same: lat_long with the axes of mitsuba.
+
+    Raises:
+        InputError: a shape that does not fit the channels, another extension, or a folder that cannot be
+            written.
+    """
+    path = Path(path)
+    check_exr_name(path)
+    if image.dim() != 3 or image.shape[2] != len(set(channels)) or not image.numel():
+        shape = tuple(image.shape)
+        raise InputError(f"{path}: channels {tuple(channels)} need an image (H, W, {len(channels)}), got {shape}")
+    planes = image.detach().cpu().float().numpy()
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    if covers is not None:
+        header |= {_PROJECTION: covers.projection, _AXES: covers.axes}
+        if (covers.projection, covers.axes) == _ENVMAP["LatLong Environment"]:
+            header["envmap"] = OpenEXR.ENVMAP_LATLONG
+    content = {name: np.ascontiguousarray(planes[..., i]) for i, name in enumerate(channels)}
+    coded = io.BytesIO()  # so that a file half written exists for the shortest time, and a full disk says so
+    try:
+        OpenEXR.File(header, content).write(coded)
+    except RuntimeError as error:
+        raise CannotWrite(path, " ".join(str(error).split())) from None
+    with replacing(path) as part:
+        part.write_bytes(coded.getbuffer())
+
+
+def check_exr_name(path: Path) -> None:
+    """InputError for a name to write to that does not end in .exr, or whose folder is not there."""
+    if path.suffix.lower() != ".exr":
+        raise InputError(f"{path}: the extension must be .exr, got {path.suffix!r}")
+    if path.is_dir():
+        raise InputError(f"{path}: must be a file to write, is a folder")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: cannot be written: No such file or directory")
+
+
+def _unopened(path: Path, reason: str) -> InputError:
+    """Why the library does not open a file."""
+    subsampled = re.findall(r'Subsampled channels are not supported \(channel "([^"]*)"', reason)
+    if subsampled:
+        chroma = "luminance and chroma (Y, RY, BY), not R, G, B" if {"RY", "BY"} & set(subsampled) else ""
+        what = chroma or f"channels of fewer pixels than the others ({', '.join(subsampled)})"
+        return InputError(f"{path}: holds {what}; convert it to R, G, B first")
+    return damaged(path, KIND, reason)
+
+
+def _parts(path: Path, source: oiio.ImageInput) -> list[oiio.ImageSpec]:
+    """The header of every part, none of them too large."""
+    parts: list[oiio.ImageSpec] = []
+    while source.seek_subimage(len(parts), 0):
+        parts.append(source.spec())
+        check_size(path, KIND, parts[-1].width, parts[-1].height)
+        check_size(path, KIND, parts[-1].full_width, parts[-1].full_height)
+    last_error(source.geterror)  # that there is no further part
+    return parts
+
+
+def _windows(path: Path, spec: oiio.ImageSpec) -> tuple[str, ...]:
+    """What to note where the pixels are not just those of the picture; InputError where none is in it."""
+    data, display = (
+        (spec.x, spec.y, spec.width, spec.height),
+        (spec.full_x, spec.full_y, spec.full_width, spec.full_height),
+    )
+    if data == display:
+        return ()
+    where = "its data window is {2} x {3} at ({0}, {1})".format(*data)
+    where += ", its display window {2} x {3} at ({0}, {1})".format(*display)
+    inside = _overlap(spec)
+    if min(inside[2] - inside[0], inside[3] - inside[1]) < 1:
+        raise InputError(f"{path}: no pixel is within the picture: {where}")
+    return (f"the picture is the display window, black without data: {where}",)
+
+
+def _overlap(spec: oiio.ImageSpec) -> tuple[int, int, int, int]:
+    """(first column, first row, end column, end row) of the pixels that are in the display window."""
+    return (
+        max(spec.x, spec.full_x),
+        max(spec.y, spec.full_y),
+        min(spec.x + spec.width, spec.full_x + spec.full_width),
+        min(spec.y + spec.height, spec.full_y + spec.full_height),
+    )
+
+
+def _shape_of_pixels(spec: oiio.ImageSpec) -> tuple[str, ...]:
+    aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
+    return () if abs(aspect - 1) < 1e-3 else (f"its pixelAspectRatio of {aspect:g} is left out of account",)
+
+
+def _covering(spec: oiio.ImageSpec) -> Covering | None:
+    """How the header says that the picture covers the sphere."""
+    projection = spec.get_string_attribute(_PROJECTION)
+    if projection:
+        return Covering(projection, spec.get_string_attribute(_AXES) or "forward", f"its attribute {_PROJECTION}")
+    stated = spec.get_string_attribute("textureformat")
+    if stated not in _ENVMAP:
+        return None
+    projection, axes = _ENVMAP[stated]
+    return Covering(projection, axes, "its attribute envmap", _LAT_LONG_NOTE if projection == "lat_long" else "")
+
+
+def _whole(path: Path, source: oiio.ImageInput, wanted: oiio.ImageSpec, layer: Layer) -> tuple[np.ndarray, int]:
+    """The picture (H, W, 3), and how many of its pixels are transparent; all else in the file was there to be read."""
+    used = [*layer.channels, *([] if layer.alpha is None else [layer.alpha])]
+    first, end = min(used), max(used) + 1
+    formats = wanted.channelformats or (wanted.format,) * wanted.nchannels
+    # The library maps integers to [0, 1].
+    scale = np.array([2.0**32 - 1 if formats[c] == oiio.UINT32 else 1 for c in layer.channels], np.float32)
+    image = np.zeros((wanted.full_height, wanted.full_width, 3), np.float32)
+    left, top, right, bottom = _overlap(wanted)
+    n_transparent = 0
+    part = level = 0
+    while source.seek_subimage(part, level):
+        spec = source.spec()
+        is_wanted = (part, level) == (layer.part, 0)
+        channels = (first, end) if is_wanted else (0, 1)
+        step = _block(spec, channels[1] - channels[0])
+        for row in [] if spec.deep else range(spec.y, spec.y + spec.height, step):
+            last = min(row + step, spec.y + spec.height)
+            pixels = _read_rows(source, spec, part, level, row, last, channels)
+            if pixels is None:
+                raise damaged(path, KIND, last_error(source.geterror))
+            rows = slice(max(row, top) - row, min(last, bottom) - row)
+            if is_wanted and rows.start < rows.stop:
+                shown = pixels[rows, left - spec.x : right - spec.x]
+                at = row + rows.start - spec.full_y
+                image[at : at + len(shown), left - spec.full_x : right - spec.full_x] = (
+                    shown[..., [c - first for c in layer.channels]] * scale
+                )
+                if layer.alpha is not None:
+                    n_transparent += int((shown[..., layer.alpha - first] < 1).sum())
+        part, level = (part, level + 1) if source.seek_subimage(part, level + 1) else (part + 1, 0)
+    last_error(source.geterror)
+    return image, n_transparent
+
+
+def _block(spec: oiio.ImageSpec, n_channels: int) -> int:
+    """Rows to read at a time: whole tiles, or what the file codes together, of about 64 MB."""
+    together = spec.tile_height or spec.get_int_attribute("oiio:RowsPerChunk", 1)
+    return max(1, _BLOCK // (4 * n_channels * spec.width * together)) * together
+
+
+def _read_rows(
+    source: oiio.ImageInput, spec: oiio.ImageSpec, part: int, level: int, row: int, end: int, channels: tuple[int, int]
+) -> np.ndarray | None:
+    if spec.tile_height:
+        columns = spec.x, spec.x + spec.width
+        return source.read_tiles(part, level, *columns, row, end, 0, 1, *channels, oiio.FLOAT)
+    return source.read_scanlines(part, level, row, end, 0, *channels, oiio.FLOAT)

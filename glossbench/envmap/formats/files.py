@@ -1,0 +1,99 @@
+"""Image files to a tensor: OpenEXR, Radiance HDR, TIFF, portable float maps, DDS cube maps; integers when asked.
+
+Images are (H, W, 3), row 0 at the top, linear radiance, float32.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from glossbench.envmap.formats import dds, exr, hdr, ldr, pfm
+from glossbench.envmap.formats.decoded import Decoded
+from glossbench.envmap.formats.exr import write_exr
+from glossbench.envmap.formats.radiance import fit_to_be_light
+from glossbench.envmap.formats.signatures import recognised, what_to_do
+from glossbench.errors import InputError
+
+__all__ = ["read_file", "read_image", "read_pixels", "write_exr"]
+
+# What a file holds by its extension; its first bytes must agree, as a reading library would take a PNG called .hdr.
+_FLOATS = {".exr": exr.KIND, ".hdr": hdr.KIND, ".pfm": pfm.KIND, ".dds": dds.KIND, ".tif": ldr.KINDS[".tif"]}
+
+
+def read_image(path: str | Path, layer: str | None = None, ldr: bool = False) -> Tensor:
+    """Radiance (H, W, 3), float32: the image of a file fit to be a light.
+
+    Raises:
+        InputError: as `read_file`, and for a value that is NaN, infinite or negative.
+    """
+    image = read_file(path, layer, ldr).image
+    fit_to_be_light(Path(path), image)
+    return torch.from_numpy(image)
+
+
+def read_pixels(path: str | Path, layer: str | None = None, ldr: bool = False) -> Tensor:
+    """The image (H, W, 3), float32, of a file, row 0 at the top; alpha and all else is dropped."""
+    return torch.from_numpy(read_file(path, layer, ldr).image)
+
+
+def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> Decoded:
+    """The image of a file, with what must be known of it.
+
+    Args:
+        layer: of an EXR with several, the layer or part to read.
+        ldr: take an image of integers, decoded from sRGB.
+
+    Raises:
+        InputError: no such file, another or damaged format, truncated, no pixels or more than 2^28.
+    """
+    path = Path(path)
+    suffix = _checked_suffix(path, ldr)
+    if layer is not None and suffix != ".exr":
+        raise InputError(f"{path}: only an OpenEXR image has layers, got layer {layer!r}")
+    try:
+        # A value that overflows on the way is infinite, which is for the caller to judge.
+        with np.errstate(over="ignore", invalid="ignore"):
+            decoded = _decode(path, suffix, layer, ldr)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    return decoded._replace(image=np.ascontiguousarray(decoded.image))
+
+
+def _decode(path: Path, suffix: str, layer: str | None, is_ldr: bool) -> Decoded:
+    if suffix == ".exr":
+        return exr.read_exr(path, layer)
+    if suffix in ldr.KINDS:
+        return ldr.read_ldr(path, is_ldr)
+    return {".hdr": hdr.read_hdr, ".pfm": pfm.read_pfm, ".dds": dds.read_dds}[suffix](path)
+
+
+def _checked_suffix(path: Path, is_ldr: bool) -> str:
+    """The extension; InputError where it, the first bytes or the disk disagree."""
+    suffix = path.suffix.lower()
+    kind = (_FLOATS | ldr.KINDS).get(suffix)
+    if suffix in (".png", ".jpg", ".jpeg") and not is_ldr:
+        raise ldr.not_asked_for(path)
+    if kind is None and not path.is_file():
+        raise InputError(f"{path}: unknown extension {path.suffix!r}; known: {', '.join(_FLOATS)}")
+    if path.is_dir():
+        raise InputError(f"{path}: must be an image file, is a folder")
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    if not path.is_file():
+        raise InputError(f"{path}: must be an image file, is a device or pipe")
+    try:
+        with path.open("rb") as file:
+            head = file.read(24)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    begins = f"it begins with {head[:8]!r}{what_to_do(head)}"
+    if kind is None:
+        raise InputError(f"{path}: unknown extension {path.suffix!r}; known: {', '.join(_FLOATS)}; {begins}")
+    if not head:
+        raise InputError(f"{path}: is empty (0 bytes)")
+    found = recognised(head)
+    if found is None or found.kind != kind:
+        raise InputError(f"{path}: is not {kind}: {begins}")
+    return suffix

@@ -1,0 +1,52 @@
+"""Portable float maps (.pfm): a text header of three words, then 32-bit floats, bottom row first."""
+
+import re
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from glossbench.envmap.formats.decoded import Decoded
+from glossbench.envmap.formats.refusals import check_fits, check_size, damaged
+
+KIND = "a portable float map"
+# The one white space after the scale ends the header: what follows may be a byte of pixels that looks like another.
+_HEADER = re.compile(rb"(PF|Pf)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([-+]?[0-9.eE+-]{1,30})(\r\n|\s)")
+_REST_OF_LINE = re.compile(rb"[ \t]+\r?\n")
+
+
+def read_pfm(path: Path) -> Decoded:
+    """Image (H, W, 3), float32, row 0 at the top; grey (Pf) three times.
+
+    value = stored * |scale|: a negative scale says little-endian, its magnitude is the unit of the samples. Writers
+    that have nothing to say write 1.
+
+    Raises:
+        InputError: a header that is none, too large, or fewer bytes than it claims.
+
+    Source: the manual of Netpbm, pfm(5). Photoshop's files, top row first, need flip_vertical.
+    """
+    with path.open("rb") as file:
+        head = file.read(128)
+    match = _HEADER.match(head)
+    if not match:
+        raise damaged(path, KIND, f"no header such as 'PF 1024 512 -1.0', got {head[:40]!r}")
+    channels, width, height = (3 if match[1] == b"PF" else 1), int(match[2]), int(match[3])
+    check_size(path, KIND, width, height)
+    try:
+        scale = float(match[4])
+    except ValueError:
+        scale = 0.0
+    if scale == 0 or not isfinite(scale):
+        raise damaged(path, KIND, f"its scale must be a number other than 0, got {match[4].decode()}")
+    wanted, n_bytes, start = height * width * channels * 4, path.stat().st_size, match.end()
+    rest = _REST_OF_LINE.match(head, match.start(5))
+    if rest and n_bytes - rest.end() == wanted:  # a writer that leaves a space before the end of the line
+        start = rest.end()
+    there = n_bytes - start
+    if there < wanted:
+        raise damaged(path, KIND, f"{there} of {wanted} bytes of pixels are there")
+    check_fits(path, width, height)
+    stored = np.fromfile(path, "<f4" if scale < 0 else ">f4", height * width * channels, offset=start)
+    image = np.multiply(stored.reshape(height, width, channels)[::-1], abs(scale), dtype=np.float32)
+    return Decoded(image.repeat(3, axis=2) if channels == 1 else image)

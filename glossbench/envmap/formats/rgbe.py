@@ -1,0 +1,107 @@
+"""Pixels of Radiance pictures: mantissas of red, green, blue and a shared exponent, flat or run-length coded."""
+
+from pathlib import Path
+
+import numpy as np
+
+from glossbench.envmap.formats.refusals import check_fits, damaged
+
+_SCALE = np.ldexp(np.float32(1), np.arange(256) - 136)  # of a mantissa, by exponent
+_SCALE[0] = 0
+_AT_ONCE = 2**20  # pixels: bounds the memory
+
+
+def read_pixels(path: Path, kind: str, start: int, n_lines: int, n_pixels: int) -> np.ndarray:
+    """Values (n_lines, n_pixels, 3), float32, of the scanlines that begin at a place in a file.
+
+    value = mantissa 2^(exponent - 136), 0 where the exponent is 0. Each scanline says by its first bytes how it is
+    coded: 2, 2 and its length of 8 to 32767 begin four planes of runs (the new way); all else is pixels, of which
+    1, 1, 1, n repeats the one before (the old way). Where no scanline is of the new kind, old runs may cross lines.
+
+    Raises:
+        InputError: fewer bytes than the size needs, runs that do not add up, or a scanline of another length.
+    """
+    n_bytes = path.stat().st_size - start
+    if n_bytes < 4 * n_lines:
+        claimed = f"the {n_lines} x {n_pixels} pixels that its header claims"
+        raise damaged(path, kind, f"too few bytes for {claimed}: {max(n_bytes, 0)}")
+    check_fits(path, n_pixels, n_lines)
+    with path.open("rb") as file:
+        file.seek(start)
+        data = file.read(n_lines * (8 * n_pixels + 4))  # all that the longest coding takes
+    marker = bytes([2, 2, *divmod(n_pixels, 256)]) if 8 <= n_pixels < 2**15 else b""
+    if marker and data[:2] == marker[:2] and data[2] < 128 and data[2:4] != marker[2:]:
+        stated = 256 * data[2] + data[3]
+        raise damaged(path, kind, f"a scanline states {stated} pixels, its header {n_pixels}")
+    if not marker or marker not in data:
+        rgbe, _ = _records(path, kind, data, 0, n_lines * n_pixels, n_bytes == 4 * n_lines * n_pixels)
+    else:
+        rgbe = _scanlines(path, kind, data, n_lines, n_pixels, marker)
+    image = np.empty((n_lines * n_pixels, 3), np.float32)
+    for at in range(0, len(image), _AT_ONCE):
+        some = rgbe[at : at + _AT_ONCE]
+        np.multiply(some[:, :3], _SCALE[some[:, 3:]], out=image[at : at + _AT_ONCE])
+    return image.reshape(n_lines, n_pixels, 3)
+
+
+def _scanlines(path: Path, kind: str, data: bytes, n_lines: int, n_pixels: int, marker: bytes) -> np.ndarray:
+    """(N, 4) of scanlines of which each is coded in its own way."""
+    rgbe = np.empty((n_lines, n_pixels, 4), np.uint8)
+    at = 0
+    for line in range(n_lines):
+        head = data[at : at + 4]
+        if head[:2] != marker[:2] or head[2:3] >= b"\x80":
+            rgbe[line], at = _records(path, kind, data, at, n_pixels, False)
+            continue
+        if head != marker:
+            raise damaged(path, kind, f"scanline {line} does not state its {n_pixels} pixels, but {head[2:].hex(' ')}")
+        at += 4
+        for channel in range(4):
+            plane, at = _plane(data, at, n_pixels)
+            if len(plane) != n_pixels:
+                raise damaged(path, kind, f"its runs make {len(plane)} of {n_pixels} pixels of scanline {line}")
+            rgbe[line, :, channel] = np.frombuffer(plane, np.uint8)
+    return rgbe.reshape(-1, 4)
+
+
+def _plane(data: bytes, at: int, n_pixels: int) -> tuple[bytes, int]:
+    """One channel of a scanline of the new kind, as long as its runs make it, and where it ends."""
+    parts, n_done = [], 0
+    while n_done < n_pixels and at + 1 < len(data):
+        count = data[at]
+        if count > 128:
+            count -= 128
+            parts.append(data[at + 1 : at + 2] * count)
+            at += 2
+        elif count:
+            parts.append(data[at + 1 : at + 1 + count])
+            at += 1 + count
+        else:
+            break
+        n_done += count
+    return b"".join(parts), at
+
+
+def _records(path: Path, kind: str, data: bytes, at: int, n_pixels: int, is_flat: bool) -> tuple[np.ndarray, int]:
+    """(N, 4) of pixels that are flat or in the old run-length coding, and where they end.
+
+    A record 1, 1, 1, n is no normalised pixel: it repeats the pixel before it n times, n 256^k times as the k-th
+    such record in a row. Pixels that are known to be flat have no runs.
+    """
+    n_records = min((len(data) - at) // 4, n_pixels)  # a run of none, 1, 1, 1, 0, does not come in a sound file
+    records = np.frombuffer(data, np.uint8, n_records * 4, at).reshape(-1, 4)
+    is_run = (records[:, :3] == 1).all(1) & (not is_flat)
+    if is_run[:1].any():
+        raise damaged(path, kind, "it begins with a repetition of nothing")
+    if n_records == n_pixels and not is_run.any():
+        return records, at + 4 * n_pixels
+    index = np.arange(n_records)
+    pixel = np.maximum.accumulate(np.where(is_run, 0, index))  # that the record is, or repeats
+    # A run of 2^32 pixels is too long already: the bound keeps the shift within 64 bits.
+    k = np.clip(index - pixel - 1, 0, 4)
+    ends = np.cumsum(np.where(is_run, records[:, 3].astype(np.int64) << (8 * k), 1))
+    n_used = int(np.searchsorted(ends, n_pixels)) + 1
+    if n_used > n_records or ends[n_used - 1] != n_pixels:
+        have = ends[-1] if n_records else 0
+        raise damaged(path, kind, f"its runs make {have} pixels, its header claims {n_pixels}")
+    return records[np.repeat(pixel[:n_used], np.diff(ends[:n_used], prepend=0))], at + 4 * n_used

@@ -1,0 +1,1 @@
+"""Lights: named options that become a cube map."""

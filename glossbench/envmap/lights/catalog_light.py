@@ -1,0 +1,45 @@
+"""The environments of the catalogue as lights, each under its own name."""
+
+from functools import cached_property
+
+from glossbench.catalog.entries import entries, entry, fetch
+from glossbench.catalog.naming import register_entries
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.lights.facts import LightFacts
+from glossbench.envmap.lights.light import LIGHTS, FileLight, Light
+from glossbench.options import Resolution
+
+
+class CatalogLight(Light):
+    """Radiance of a public file, fetched when it is not here, and read as the catalogue says.
+
+    Attributes:
+        resolution: texels along the edge of a face, a power of two; by default what the image resolves.
+    """
+
+    resolution: Resolution | None = None
+
+    @cached_property
+    def _file(self) -> FileLight:
+        """The light of the verified file, which is fetched where it is not here."""
+        stated = entry(self.name)
+        return FileLight.create({"file": str(fetch(self.name)), "resolution": self.resolution, **stated.reading})
+
+    def cubemap(self) -> CubeMap:
+        """The radiance itself."""
+        return self._file.cubemap()
+
+    def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
+        """What the file holds, and how it was understood."""
+        return self._file.facts(cubemap)
+
+    def notes(self) -> tuple[str, ...]:
+        """Those of the file."""
+        return self._file.notes()
+
+    def key(self) -> str:
+        """That of the file: its bytes, and how they are read."""
+        return self._file.key()
+
+
+register_entries(LIGHTS, CatalogLight, entries("environment"), CatalogLight)

@@ -1,0 +1,226 @@
+"""Projections: an image of the whole sphere, as light files hold it, to a cube map, and back.
+
+Every image is as a camera at the origin sees it: forward (-z) in the centre, +x right of it, +y above it. Files of
+other programs differ by a turn of the axes (see `axes`).
+
+    projection             width : height   pixel -> direction
+    lat_long               2 : 1            columns are longitude, backward to backward; rows the angle from +y
+    angular                1 : 1            a light probe: radius = angle from forward / pi; no light outside
+    vertical_cross         3 : 4            . +y . / -x -z +x / . -y . / . +z .   with +z rotated by 180 degrees
+    horizontal_cross       4 : 3            . +y . . / -x -z +x +z / . -y . .
+    strip                  6 : 1 or 1 : 6   +x -x +y -y -z +z, each as seen from within: the sides of a cube as
+                                            left-handed programs number them
+    dual_paraboloid        2 : 1            two discs that touch their squares: (x, y) / (1 + |z|) forward, and
+                                            (-x, y) / (1 + |z|) backward; no light outside
+    octahedral             1 : 1            (x, y) / (|x| + |y| + |z|) forward, in the square's inner diamond;
+                                            backward folded over its sides, so that +z is in all four corners
+    octahedral_equal_area  1 : 1            the same shape, each pixel of the same solid angle
+    openexr_cube           1 : 6            +x -x +y -y +z -z downward as OpenEXR's `envmap` has them: a right-handed
+                                            world, samples on the very edges of each face; read, not written
+
+Where two have one shape the first is meant unless the other is named.
+
+Source: octahedral, Engelhardt and Dachsbacher 2008, Cigolle et al. 2014; octahedral_equal_area, Clarberg 2008, as in
+pbrt-v4; dual_paraboloid, Heidrich and Seidel 1998 with scale 1; angular, Debevec 1998; openexr_cube,
+ImfEnvmap.h and ImfEnvmap.cpp.
+"""
+
+from math import gcd, log2
+from typing import Literal, get_args
+
+import torch
+from torch import Tensor
+
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.projections.axes import permutation, turned
+from glossbench.envmap.projections.layouts import LAYOUTS, solid_angles
+from glossbench.envmap.projections.resampling import (
+    cube_source,
+    edge_source,
+    halved,
+    layout_source,
+    resized,
+    to_faces,
+    to_layout,
+)
+from glossbench.errors import InputError, nearest
+
+Written = Literal[
+    "lat_long",
+    "angular",
+    "vertical_cross",
+    "horizontal_cross",
+    "strip",
+    "dual_paraboloid",
+    "octahedral",
+    "octahedral_equal_area",
+]
+Projection = Literal[Written, "openexr_cube"]
+
+# (row, column) of the faces +x, -x, +y, -y, +z, -z, in units of a face.
+_UNFOLDED = {
+    "vertical_cross": ((1, 2), (1, 0), (0, 1), (2, 1), (3, 1), (1, 1)),
+    "horizontal_cross": ((1, 2), (1, 0), (0, 1), (2, 1), (1, 3), (1, 1)),
+    "strip": ((0, 0), (0, 1), (0, 2), (0, 3), (0, 5), (0, 4)),
+}
+_NEAR = 0.1  # of width / height to 2, where an image is still taken for latitude and longitude
+# Columns and rows for each texel along the edge of a cube map.
+_SIZE = {"vertical_cross": (3, 4), "horizontal_cross": (4, 3), "strip": (6, 1), "openexr_cube": (1, 6)} | {
+    name: (layout.columns, layout.rows) for name, layout in LAYOUTS.items()
+}
+
+
+def guess_projection(height: int, width: int) -> Projection:
+    """The first projection whose shape is height x width, lat_long within 5 % of it; InputError if there is none."""
+    for projection in get_args(Projection):
+        if fits(projection, height, width):
+            return projection
+    shapes = ", ".join(f"{_shape(name)} {name}" for name in get_args(Projection)[:5])
+    raise InputError(f"no known projection is {width} x {height} (width x height); known: {shapes}")
+
+
+def unusual_shape(projection: str, height: int, width: int) -> tuple[str, ...]:
+    """A note where an image of latitude and longitude is not twice as wide as high."""
+    if projection != "lat_long" or width == 2 * height:
+        return ()
+    return (f"taken as lat_long, though {width} x {height} pixels are not 2 : 1",)
+
+
+def to_cubemap(
+    image: Tensor,
+    projection: Projection | None = None,
+    resolution: int | None = None,
+    flip_vertical: bool = False,
+    key: str = "",
+    axes: str = "forward",
+) -> CubeMap:
+    """The cube map of an image (H, W, 3) of the whole sphere; its energy is kept.
+
+    texel = integral of L dw over the texel / its solid angle, L bilinear between the pixels. Pixels smaller
+    than half a texel are first averaged by 2 x 2, of odd sizes by a little more, weighted by solid angle. A cross or
+    strip whose faces are the asked resolution times a power of two is never interpolated: its texels are such averages,
+    or copies. In a lat-long image the pixels near a pole, narrower than high, are first averaged along their row.
+
+    Args:
+        projection: by default guessed from the shape.
+        resolution: R, a power of two of at least 2; by default the one nearest to what the image resolves:
+            the size of a face of a cross or strip, H / 4 of an angular map, H / 2 of all else.
+        flip_vertical: for files that begin with the bottom row.
+        key: what the light is, kept in the cube map.
+        axes: whose axis convention the image follows (see `axes`).
+
+    Raises:
+        InputError: no known projection, a shape that does not fit it (lat_long takes any), axes that say nothing of
+            it, or a resolution not a power of two.
+    """
+    if image.dim() != 3 or image.shape[2] != 3:
+        raise InputError(f"a light needs an image (H, W, 3), got {tuple(image.shape)}")
+    height, width = image.shape[:2]
+    projection = projection or guess_projection(height, width)
+    _check_projection(projection)
+    if projection != "lat_long" and not fits(projection, height, width):  # whose angles fill any shape
+        raise InputError(f"{projection} must have width : height = {_shape(projection)}, got {width} x {height}")
+    matrix = permutation(axes, projection)
+    columns, rows = _SIZE[projection]
+    resolved = max(max(height, width) / max(columns, rows), min(height, width) / min(columns, rows))
+    if resolution is None:
+        resolution = max(2, 2 ** round(log2(resolved)))
+    _check_resolution(resolution)
+    image = image.float().flip(0) if flip_vertical else image.float()
+    if projection in _UNFOLDED:
+        faces = resized(_folded(image, projection), resolution)
+    elif projection == "openexr_cube":
+        finest = max(resolution, 2 ** round(log2(resolved)))
+        faces = resized(to_faces(*edge_source(image), resolved, finest), resolution)
+    else:
+        layout = LAYOUTS[projection]
+        while resolved > 2 * resolution:
+            image, resolved = halved(image[None], solid_angles(layout, *image.shape[:2]))[0], resolved / 2
+        faces = to_faces(*layout_source(image, layout), resolved, resolution)
+    return CubeMap(turned(faces, matrix), key)
+
+
+def from_cubemap(cubemap: CubeMap, projection: Written, resolution: int | None = None, axes: str = "forward") -> Tensor:
+    """The image (H, W, 3) of a cube map in a projection: the inverse of `to_cubemap`, its energy kept.
+
+    pixel = integral of L dw over the pixel / its solid angle, L bilinear between the texels; a cross or strip of the
+    cube's own resolution holds its texels, a smaller one their averages. Black where a pixel shows no direction: the
+    empty places of a cross, outside a disc.
+
+    There and back the mean stays within 0.05 % for a photographed light, 2.5 % for one lit texel (5 % at the rim of
+    an angular map); a cross or strip of the cube's own resolution comes back bit for bit.
+
+    Args:
+        resolution: texels along the edge of a cube map as fine as the image, a power of two; by default the cube's.
+        axes: whose axis convention the image shall follow (see `axes`).
+
+    Raises:
+        InputError: as `check_written`, or a resolution not a power of two.
+    """
+    check_written(projection, axes)
+    matrix = permutation(axes, projection)
+    resolution = cubemap.resolution if resolution is None else resolution
+    _check_resolution(resolution)
+    faces = turned(cubemap.faces.cpu(), matrix.T)
+    if projection in _UNFOLDED:
+        return _unfolded(resized(faces, resolution), projection)
+    if faces.shape[1] > 2 * resolution:
+        faces = resized(faces, 2 * resolution)
+    return to_layout(*cube_source(faces), faces.shape[1], LAYOUTS[projection], resolution)
+
+
+def _shape(projection: str) -> str:
+    columns, rows = (n // gcd(*_SIZE[projection]) for n in _SIZE[projection])
+    return "6:1 or 1:6" if projection == "strip" else f"{columns}:{rows}"
+
+
+def fits(projection: str, height: int, width: int) -> bool:
+    """Whether it is a projection, and an image of this shape is taken for it: lat_long within 5 % of 2 : 1."""
+    if projection not in _SIZE:
+        return False
+    if projection == "lat_long":
+        return height > 0 and abs(width - 2 * height) <= _NEAR * height
+    columns, rows = (n // gcd(*_SIZE[projection]) for n in _SIZE[projection])
+    if projection == "strip" and height > width:
+        height, width = width, height
+    return height > 0 and width * rows == height * columns and width % columns == 0
+
+
+def _check_projection(projection: str) -> None:
+    if projection not in _SIZE:
+        raise InputError(f"unknown projection {projection!r}{nearest(projection, _SIZE)}")
+
+
+def check_written(projection: str, axes: str) -> None:
+    """InputError for a projection that is unknown or not written, or of which the axes say nothing."""
+    _check_projection(projection)
+    if projection not in get_args(Written):
+        raise InputError(f"{projection} is read, not written; write one of {', '.join(get_args(Written))}")
+    permutation(axes, projection)
+
+
+def _check_resolution(resolution: int) -> None:
+    if resolution < 2 or resolution & (resolution - 1):
+        raise InputError(f"a cube map's resolution must be a power of two of at least 2, got {resolution}")
+
+
+def _folded(image: Tensor, projection: str) -> Tensor:
+    """Faces (6, F, F, 3) of a cross or strip."""
+    columns, rows = _SIZE[projection]
+    if projection == "strip" and image.shape[0] > image.shape[1]:
+        image = torch.cat(image.chunk(6), dim=1)
+    grid = image.unflatten(0, (rows, -1)).unflatten(2, (columns, -1))
+    faces = torch.stack([grid[row, :, column] for row, column in _UNFOLDED[projection]])
+    if projection == "vertical_cross":
+        faces[4] = faces[4].flip(0, 1)
+    return faces
+
+
+def _unfolded(faces: Tensor, projection: str) -> Tensor:
+    """The cross or strip of faces (6, F, F, 3)."""
+    columns, rows = _SIZE[projection]
+    size = faces.shape[1]
+    grid = faces.new_zeros(rows, size, columns, size, 3)
+    for (row, column), face in zip(_UNFOLDED[projection], faces, strict=True):
+        grid[row, :, column] = face.flip(0, 1) if (projection, row) == ("vertical_cross", 3) else face
+    return grid.flatten(2, 3).flatten(0, 1)

@@ -1,0 +1,40 @@
+"""How an image covers the sphere: what is stated, what its file says, what its shape means."""
+
+from typing import NamedTuple, cast
+
+from glossbench.envmap.formats.decoded import Covering
+from glossbench.envmap.projections.conversion import Projection, fits, guess_projection, unusual_shape
+
+
+class Covered(NamedTuple):
+    """The projection and the axes of an image, and what to note of the choice."""
+
+    projection: Projection
+    axes: str
+    notes: tuple[str, ...]
+
+
+def covered(said: Covering | None, projection: Projection | None, axes: str | None, height: int, width: int) -> Covered:
+    """What is stated wins over what the file says, and this over the shape and the axes `forward`.
+
+    The axes that a file says are those of its projection: where another is stated they are left out.
+
+    Raises:
+        InputError: nothing stated or said, and no projection of this shape.
+    """
+    notes = []
+    if said is not None and not fits(said.projection, height, width):
+        notes.append(f"{said.said_by} says {said.projection}, which {width} x {height} pixels are not: left out")
+        said = None
+    if said is not None and projection not in (None, said.projection):
+        notes.append(f"{said.said_by} says {said.projection}, read as {projection} as is stated")
+        said = None
+    if said is None:
+        chosen = projection or guess_projection(height, width)
+        return Covered(chosen, axes or "forward", (*notes, *unusual_shape(chosen, height, width)))
+    if axes not in (None, said.axes):
+        notes.append(f"{said.said_by} says axes {said.axes}, read by axes {axes} as is stated")
+    elif axes is None and said.note:
+        notes.append(said.note)
+    notes += unusual_shape(said.projection, height, width)
+    return Covered(cast("Projection", said.projection), axes or said.axes, tuple(notes))

@@ -1,0 +1,143 @@
+"""Resampling by solid angle: images halved, and a bilinear source averaged over the texels or pixels of another."""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+from torch.nn.functional import grid_sample
+
+from glossbench.directions import Vec3
+from glossbench.envmap.cubemap import bordered, face_coordinates, face_directions, texel_solid_angles
+from glossbench.envmap.projections.layouts import Layout
+
+# The place of a direction in a source image (H, W, 3): (column, row) in pixels, centres at half-integers.
+Locate = Callable[[Vec3], tuple[Tensor, Tensor]]
+
+_DIRECTIONS = 2**17  # at a time: bounds the memory, and is faster than more, whose arrays leave the cache
+_FINE = 1024  # texels along an edge, up to which time is no question
+
+
+def cube_source(faces: Tensor) -> tuple[Tensor, Locate]:
+    """Bordered faces, one above the other."""
+    size = faces.shape[1]
+
+    def locate(d: Vec3) -> tuple[Tensor, Tensor]:
+        face, s, t, _ = face_coordinates(d)
+        return (s + 1) * (size / 2) + 1, (t + 1) * (size / 2) + 1 + face * (size + 2)
+
+    return bordered(faces).flatten(0, 1), locate
+
+
+def edge_source(image: Tensor) -> tuple[Tensor, Locate]:
+    """Faces one above the other (6 N, N, 3), whose outer samples lie on the edges of the cube."""
+    size = image.shape[1]
+
+    def locate(d: Vec3) -> tuple[Tensor, Tensor]:
+        face, s, t, _ = face_coordinates(d)
+        return (s + 1) * ((size - 1) / 2) + 0.5, (t + 1) * ((size - 1) / 2) + 0.5 + face * size
+
+    return image, locate
+
+
+def layout_source(image: Tensor, layout: Layout) -> tuple[Tensor, Locate]:
+    """The image with its margin."""
+    height, width = image.shape[:2]
+
+    def locate(d: Vec3) -> tuple[Tensor, Tensor]:
+        u, v = layout.place(d)
+        return u * width + 1, v * height + 1
+
+    return layout.margin(image), locate
+
+
+def to_faces(source: Tensor, locate: Locate, resolved: float, resolution: int) -> Tensor:
+    """Faces (6, R, R, 3): means of the bilinear source over k x k directions a texel, by solid angle.
+
+    resolved: texels along the edge of a cube map as fine as the source.
+    """
+    # Directions along a pixel: a lamp of one pixel is then right within 1 % (4 leave 2 to 3 %). With all of 2048 texels
+    # along an edge six would be 900 million, and take minutes.
+    k = max(2, round((6 if resolution <= _FINE else 4) * resolved / resolution))
+    n = resolution * k
+    s = (torch.arange(n, dtype=torch.float64) * 2 + 1) / n - 1
+    faces = torch.empty(6, resolution, resolution, 3)
+    step = max(1, _DIRECTIONS // (6 * n * k))  # rows of texels at a time
+    images = source.expand(6, *source.shape)
+    for row in range(0, resolution, step):
+        rows = min(step, resolution - row)
+        t = s[row * k : (row + rows) * k]
+        shape = (len(t), n)
+        directions = face_directions(s[None, :].expand(shape), t[:, None].expand(shape))
+        radiance = bilinear(images, *locate(directions))
+        weight = ((1 + s[None, :] ** 2 + t[:, None] ** 2) ** -1.5).float()[:, :, None]
+        blocks = (rows, k, resolution, k)
+        total = (radiance * weight).reshape(6, *blocks, 3).sum((2, 4))
+        faces[:, row : row + rows] = total / weight.reshape(blocks).sum((1, 3))[..., None]
+    return faces
+
+
+def to_layout(source: Tensor, locate: Locate, resolved: float, layout: Layout, resolution: int) -> Tensor:
+    """The image (H, W, 3) of a layout: means as in `to_faces`; 0 where a pixel shows no direction."""
+    k = max(2, round(4 * resolved / resolution))
+    height, width = layout.rows * resolution, layout.columns * resolution
+    u = (torch.arange(width * k, dtype=torch.float64) + 0.5) / (width * k)
+    image = torch.empty(height, width, 3)
+    step = max(1, _DIRECTIONS // (width * k * k))
+    for row in range(0, height, step):
+        rows = min(step, height - row)
+        v = (torch.arange(row * k, (row + rows) * k, dtype=torch.float64) + 0.5) / (height * k)
+        direction, density = layout.direction(*torch.broadcast_tensors(u[None, :], v[:, None]))
+        radiance = bilinear(source[None], *locate(Vec3(*(c.float()[None] for c in direction))))[0]
+        blocks = (rows, k, width, k)
+        total = (radiance * density.float()[:, :, None]).reshape(*blocks, 3).sum((1, 3))
+        image[row : row + rows] = total / density.float().reshape(blocks).sum((1, 3)).clamp(min=1e-30)[..., None]
+    return image
+
+
+def resized(faces: Tensor, resolution: int) -> Tensor:
+    """Faces at another resolution: texels averaged by 2 x 2 as often as that fits, else also interpolated."""
+    size = faces.shape[1]
+    exact = size % resolution == 0 and (size // resolution).bit_count() == 1
+    while size > (resolution if exact else 2 * resolution):
+        faces, size = halved(faces, texel_solid_angles(size)), size // 2
+    return faces.contiguous() if exact else to_faces(*cube_source(faces), size, resolution)
+
+
+def halved(images: Tensor, weight: Tensor) -> Tensor:
+    """Means (N, H // 2, W // 2, 3) over 2 x 2 pixels of images (N, H, W, 3) by weight (H, W).
+
+    Of an odd H over bins of H / (H // 2) pixels, so much of each as lies in the bin; where W is a multiple of H, as of
+    two discs side by side, it stays that multiple.
+    """
+    n, height, width, _ = images.shape
+    w = weight.float()[None, :, :, None]
+    if height % 2 or width % 2:
+        rows = height // 2
+        columns = width // 2 if width % height else rows * (width // height)
+        total, weights = (_binned(_binned(x, rows, 1), columns, 2) for x in (images * w, w))
+        return total / weights.clamp(min=1e-30)
+    blocks = (n, height // 2, 2, width // 2, 2, -1)
+    total = (images * w).reshape(blocks).sum((2, 4))
+    return total / w.reshape(1, *blocks[1:]).sum((2, 4)).clamp(min=1e-30)
+
+
+def _binned(x: Tensor, n_bins: int, dim: int) -> Tensor:
+    """Sums over equal bins along a dimension, each of two neighbours or three, those on its edges in part."""
+    size = x.shape[dim] / n_bins
+    shape = [-1 if d == dim else 1 for d in range(x.dim())]
+    start = torch.arange(n_bins, dtype=torch.float64) * size
+    total = torch.zeros(())
+    for k in range(int(size) + 2):
+        pixel = start.floor() + k
+        share = (torch.minimum(start + size, pixel + 1) - torch.maximum(start, pixel)).clamp(min=0)
+        of = x.index_select(dim, pixel.long().clamp(max=x.shape[dim] - 1))
+        total = total + of * share.float().view(shape)
+    return total
+
+
+def bilinear(images: Tensor, column: Tensor, row: Tensor) -> Tensor:
+    """Images (N, H, W, 3) between pixel centres, at places (N, h, w) in pixels: (N, h, w, 3)."""
+    height, width = images.shape[1:3]
+    grid = torch.stack([column * (2 / width) - 1, row * (2 / height) - 1], dim=-1)
+    planes = images.permute(0, 3, 1, 2)
+    return grid_sample(planes, grid, padding_mode="border", align_corners=False).permute(0, 2, 3, 1)

@@ -1,0 +1,1 @@
+"""What a table of cells says: comparisons, verdicts, citations."""

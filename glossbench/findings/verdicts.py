@@ -1,0 +1,258 @@
+"""Verdicts: which of a study's claims its cells bear out."""
+
+import json
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import compress
+from typing import Any
+
+import numpy as np
+import pandas
+
+from glossbench.findings.comparisons import (
+    FAILS,
+    HOLDS,
+    NOISE,
+    UNTESTED,
+    Case,
+    Row,
+    finite,
+    inside,
+    lower_case,
+    noise_of,
+    ratio_case,
+    value_case,
+    verdict_on,
+)
+from glossbench.metrics import METRICS
+from glossbench.study.cell_index import CellIndex
+from glossbench.study.claim_names import meanings
+from glossbench.study.claims import (
+    BUDGET,
+    PLACES,
+    Claim,
+    LowerClaim,
+    RatioClaim,
+    Side,
+    SlopeClaim,
+    ValueClaim,
+    method_of,
+    methods_of,
+    options_of,
+    pairing,
+    places_of,
+    sides_of,
+)
+from glossbench.study.labels import as_text, identity, listed, names_of, number_in, parsed, stated
+
+
+def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
+    """The verdict on each claim, with its numbers, as JSON types.
+
+    A case holds, does not hold, or, where a number is nearer to what it is compared with than twice the noise
+    of the reference, is within noise. A claim does not hold if one case does not; else it holds if one case
+    does; else it is within noise. Without a case it is not tested, and the summary says why.
+    """
+    table = _Table(cells.to_dict("records"))
+    return [table.judged(claim) for claim in claims]
+
+
+def cells_of(claim: Claim, cells: pandas.DataFrame) -> set[str]:
+    """Keys of the cells that a claim is about, of all its sides."""
+    table = _Table(cells.to_dict("records"))
+    return {row["key"] for side in sides_of(claim).values() for row in table.picked(claim, side, Counter())}
+
+
+class _Table:
+    """The rows of a run, ready to be picked for a claim."""
+
+    def __init__(self, records: list[Any]) -> None:
+        self.rows: list[Row] = [parsed(record) for record in records]
+        for row in self.rows:
+            row["options"] = stated(row)  # a tuned value is not one that a claim may ask for
+            for column in ("stage_seconds", "update_seconds"):
+                seconds = row[column]
+                row[column] = float(sum(seconds.values()))
+                row |= {f"{column}.{name}": value for name, value in seconds.items()}
+        self._index = CellIndex.of_rows(self.rows)
+        self._options: dict[str, set[str]] = {}
+        for row in self.rows:
+            self._options.setdefault(row["method"], set()).update(row["options"])
+        self._names = {place: names_of(place, self.rows) for place in PLACES}
+
+    def judged(self, claim: Claim) -> dict[str, Any]:
+        notes: Counter[str] = Counter()
+        sides = [_spelled(side) for side in sides_of(claim).values()]
+        picked = [self.picked(claim, side, notes) for side in sides_of(claim).values()]
+        cases: list[Case] = []
+        match claim:
+            case LowerClaim():
+                quantity = f"{claim.metric} of {sides[0]} over {sides[1]}"
+                for a, b, where in self._pairs(claim, picked, notes):
+                    errors = abs(a[claim.metric]), abs(b[claim.metric])
+                    cases.append(lower_case(*errors, noise_of(a, b, claim.metric), where))
+            case RatioClaim():
+                quantity = f"{claim.of} of {sides[0]} over {sides[1]}"
+                for a, b, where in self._pairs(claim, picked, notes):
+                    if b[claim.of] == 0:
+                        notes[f"pairs whose divisor, {claim.of} of {sides[1]}, is zero"] += 1
+                    else:
+                        cases.append(ratio_case(claim, a[claim.of], b[claim.of], noise_of(a, b, claim.of), where))
+            case SlopeClaim():
+                quantity = f"slope of log {claim.metric} over log {claim.over}"
+                cases += self._slopes(claim, picked[0], notes)
+            case ValueClaim():
+                quantity = f"{claim.of} of {sides[0]}"
+                varying = _varying(row["options"] for row in picked[0])
+                for a in picked[0]:
+                    where = _listed([self._place(a), _shown(a, varying)])
+                    cases.append(value_case(claim, a[claim.of], noise_of(a, a, claim.of), where))
+        verdict, summary = _concluded(cases, quantity, notes)
+        numbers = [{k: v for k, v in case._asdict().items() if k != "shown"} for case in cases]
+        judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict}
+        return {**judgement, "numbers": numbers, "summary": summary}
+
+    def picked(self, claim: Claim, side: Side, notes: Counter[str]) -> list[Row]:
+        """The finished cells of a side that a claim is about, the column of the claim being a number."""
+        column = claim.metric if isinstance(claim, LowerClaim | SlopeClaim) else claim.of
+        about = methods_of(claim)
+        of_methods = set().union(*(self._options.get(name, set()) for name in about))
+        fits = self._index.is_called("method", method_of(side)) & self._index.within(claim.where, of_methods)
+        fits &= self._index.within(places_of(side) | options_of(side), of_methods)
+        picked = []
+        for row in compress(self.rows, fits):
+            if row["status"] != "done":
+                notes[f"cells {row['status']}"] += 1
+                continue
+            value = finite(row.get(column))
+            if value is None:
+                notes[f"cells without a finite {column}"] += 1
+            else:
+                picked.append({**row, column: value})
+        return picked
+
+    def _pairs(
+        self, claim: LowerClaim | RatioClaim, picked: list[list[Row]], notes: Counter[str]
+    ) -> Iterator[tuple[Row, Row, str]]:
+        """Cells of both sides on one light, material and view, what a side states aside, at equal pairing options."""
+        first, second = picked
+        shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in picked))
+        budgets = {row["budget"] for rows in picked for row in rows}
+        keys, places = pairing(claim, shared, budgets)
+        varying = [_varying(row["options"] for row in rows) for rows in picked]
+        stated = [place for place in PLACES if place not in places]
+        partners: dict[str, list[Row]] = {}
+        for b in second:
+            partners.setdefault(_key(b, keys, places), []).append(b)
+        for a in first:
+            found = partners.get(_key(a, keys, places), [])
+            notes["cells without a partner"] += not found
+            for b in found:
+                sides = zip((a, b), varying, strict=True)
+                told = [_shown(row, [key for key in differing if key not in keys]) for row, differing in sides]
+                told = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), told, strict=True)]
+                if a.get("n_samples") != b.get("n_samples"):  # a pattern may not meet the budget
+                    told = [
+                        f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(told, (a, b), strict=True)
+                    ]
+                sides_told = [text or row["method"] for text, row in zip(told, (a, b), strict=True)]
+                against = " against ".join(sides_told) if any(told) else ""
+                yield a, b, _listed([self._place(a, places), _shown(a, keys), against])
+
+    def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
+        held = {"method": {key for row in rows for key in row["options"]}}
+        held |= {place: {key for row in rows for key in row[f"{place}_options"]} for place in PLACES}
+        of, option = next(iter(meanings(claim.over, held)), ("method", claim.over))
+        without = {place: option if place == of else "" for place in PLACES}
+        names = {place: names_of(place, self.rows, without[place]) for place in PLACES}
+        places: dict[str, list[Row]] = {}
+        for row in rows:
+            budget = number_in(row["options" if of == "method" else f"{of}_options"].get(option))
+            if (row.get("at_noise_floor") and claim.metric in METRICS.names()) or row[claim.metric] == 0:
+                notes["cells at the noise floor"] += 1
+            elif budget is None or budget <= 0:
+                notes[f"cells without a positive {claim.over}"] += 1
+            else:
+                place = [identity(place, row, without[place]) for place in PLACES]
+                places.setdefault(json.dumps(place), []).append({**row, "over": budget})
+        for members in places.values():
+            for group, own in _curves(members):
+                x = np.log([row["over"] for row in group])
+                if len(set(x)) < 3:
+                    notes["curves of fewer than 3 points"] += 1
+                    continue
+                y = np.log([abs(row[claim.metric]) for row in group])
+                slope = float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
+                verdict = verdict_on(inside(slope, claim.between), [], 0.0)
+                called = [names[place][identity(place, group[0], without[place])] for place in PLACES]
+                yield Case(_listed([*called, own]), slope, None, list(claim.between), 0.0, verdict, slope)
+
+    def _place(self, row: Row, places: Collection[str] = PLACES) -> str:
+        return _listed([self._names[place][identity(place, row)] for place in PLACES if place in places])
+
+
+def _spelled(side: Side) -> str:
+    told = listed(options_of(side) | places_of(side))
+    return f"{method_of(side)} ({told})" if told else method_of(side)
+
+
+def _listed(parts: list[str]) -> str:
+    return ", ".join(part for part in parts if part)
+
+
+def _shown(row: Row, keys: Collection[str]) -> str:
+    return listed({key: row["options"].get(key) for key in keys if key != BUDGET})
+
+
+def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
+    """The options that differ among some dictionaries of options: they tell cases apart."""
+    seen: dict[str, set[str]] = {}
+    for one in options:
+        for key, value in one.items():
+            seen.setdefault(key, set()).add(json.dumps(value))
+    return [key for key, values in seen.items() if len(values) > 1]
+
+
+def _key(row: Row, options: Collection[str], places: Collection[str] = PLACES) -> str:
+    """What a cell is about, and some of its method's options, as text."""
+    about = [(row[place], row[f"{place}_options"]) for place in places]
+    values = [row["options"].get(row["budget"] if key == BUDGET else key) for key in options]
+    return json.dumps([about, values], sort_keys=True)
+
+
+def _curves(rows: list[Row]) -> list[tuple[list[Row], str]]:
+    """Rows of one place as curves with one point for each value of what the claim is over.
+
+    Rows that share a value are told apart by the option that has the fewest values among them.
+    """
+    points: dict[float, list[Row]] = {}
+    for row in rows:
+        points.setdefault(row["over"], []).append(row)
+    differing = {key for same in points.values() for key in _varying(row["options"] for row in same)}
+    if not differing:
+        return [(rows, "")]
+    groups = {key: {json.dumps(row["options"].get(key)): row for row in rows} for key in differing}
+    key = min(sorted(differing), key=lambda k: len(groups[k]))
+    curves = []
+    for value in groups[key]:
+        part = [row for row in rows if json.dumps(row["options"].get(key)) == value]
+        curves += [(group, _listed([f"{key} {as_text(json.loads(value))}", own])) for group, own in _curves(part)]
+    return curves
+
+
+def _concluded(cases: list[Case], quantity: str, notes: Counter[str]) -> tuple[str, str]:
+    """The verdict on a claim and a sentence with the counts and the extreme numbers."""
+    failed = notes.pop("cells failed", 0) if cases else 0
+    left_out = "".join(f"; {what}: {count}" for what, count in sorted(notes.items()) if count)
+    if not cases:
+        why = left_out.removeprefix("; ") or "the run has no cell that it is about"
+        return UNTESTED, f"Not tested: {why}."
+    count = Counter(case.verdict for case in cases)
+    verdict = next(v for v in (FAILS, HOLDS, NOISE) if count[v])
+    noise = f", {count[NOISE]} within noise" if count[NOISE] else ""
+    low, high = (pick(cases, key=lambda case: case.shown) for pick in (min, max))
+    span = f"{low.shown:.4g} ({low.where})"
+    if len(cases) > 1:
+        span = f"from {span} to {high.shown:.4g} ({high.where})"
+    first = f"Judged without {failed} of its cells, which failed. " if failed else ""
+    return verdict, f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{noise}; {quantity}: {span}{left_out}."

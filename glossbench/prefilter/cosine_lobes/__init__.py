@@ -1,0 +1,1 @@
+"""Maps filtered into cosine lobes, and shading by them."""

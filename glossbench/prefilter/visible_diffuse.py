@@ -1,0 +1,51 @@
+"""The diffuse part of the radiance that is left where the scene hides some of the light."""
+
+from math import pi
+
+import torch
+from torch import Tensor
+
+from glossbench.brdf.material import Reflectance
+from glossbench.directions import Vec3, cosine_hemisphere, to_world
+from glossbench.envmap.pyramid import Environment, weighted_radiance
+from glossbench.prefilter.stages import diffuse_radiance
+from glossbench.scene.points import Occluder, ShadingPoints
+from glossbench.shading.kernels import over_points
+from glossbench.shading.visibility import unhidden
+
+
+def visible_diffuse(
+    points: ShadingPoints,
+    reflectance: Reflectance,
+    irradiance: Tensor,
+    occluder: Occluder | None,
+    environment: Environment,
+    u: Tensor,
+    level: Tensor | None = None,
+) -> Tensor:
+    """The diffuse part of the outgoing radiance, (P, 3).
+
+    albedo E(n) / pi by nine spherical harmonics where nothing is hidden; else albedo (1/N) sum of L(wi) V(wi), wi of
+    density cos_i / pi with a shadow ray each.
+
+    Args:
+        irradiance: the nine coefficients.
+        occluder: what hides the light, or None.
+        environment: what the samples read.
+        u: points (N, 2) of the unit square.
+        level: log4(K / N) and a bias: a sample reads the level whose texel covers K / (N p); None reads level 0.
+    """
+    if occluder is None or not reflectance.diffuse:
+        return diffuse_radiance(reflectance, irradiance, points.n)
+    wi = Vec3(*(c[None] for c in cosine_hemisphere(u)))
+    mean = over_points(_visible_light, points, len(u), wi, environment, occluder, level) / len(u)
+    return mean * torch.stack(reflectance.diffuse)
+
+
+def _visible_light(
+    points: ShadingPoints, wi: Vec3, environment: Environment, occluder: Occluder, level: Tensor | None
+) -> Tensor:
+    """Sum over samples of L V."""
+    d = to_world(wi, points.t, points.b, points.n)
+    lod = None if level is None else level + 0.5 * (environment.log2_texels_per_sr(d) - torch.log2(wi.z / pi))
+    return weighted_radiance(environment, d, lod, unhidden((torch.ones_like(d.x),), points, d, occluder))

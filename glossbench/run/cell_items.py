@@ -1,0 +1,85 @@
+"""What a cell is made of: its material, view and method, made by name, and what its key says of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from glossbench.brdf.material import MATERIALS, Material
+from glossbench.envmap.lights.light import LIGHTS
+from glossbench.errors import MethodError
+from glossbench.metrics import METRICS
+from glossbench.process.state import is_foreign
+from glossbench.provenance import source_hash
+from glossbench.run.study_lights import Changed
+from glossbench.scene.points import VIEWS, View
+from glossbench.shading.method import METHODS, Method
+from glossbench.shading.outputs import key_text
+from glossbench.study.cells import Cell
+
+
+@dataclass(frozen=True)
+class Made:
+    """The material, view and method of a cell, and the text of their keys."""
+
+    material: Material
+    view: View
+    method: Method
+    keys: tuple[str, ...]
+
+    @classmethod
+    def of(cls, cell: Cell) -> "Made":
+        """Those of a cell; raises whatever a plug-in raises."""
+        material = MATERIALS.create(cell.material.name, cell.material.options)
+        view = VIEWS.create(cell.view.name, cell.view.options)
+        method = METHODS.create(cell.method.name, cell.method.options)
+        return cls(material, view, method, tuple(key_text(each.name, each.key()) for each in (material, view, method)))
+
+    def check_unchanged(self, cell: Cell) -> None:
+        """That files which they read are still those that the keys name.
+
+        Raises:
+            Changed: they are not.
+            MethodError: a plug-in's key is another each time, or a plug-in wrote into one of ours.
+        """
+        for i, each in enumerate((self.material, self.view, self.method)):
+            if each.key() == self.keys[i]:
+                continue
+            if is_foreign(type(each)):
+                raise MethodError(f"{each.name}.key returns another text each time, or its file has changed")
+            if Made.of(cell).keys[i] == self.keys[i]:
+                raise MethodError(f"{self.method.name} writes into {each.name}, which others read")
+            raise Changed(f"a file of {each.name} has changed while the study ran; run it again")
+
+
+class Sources:
+    """The source of all that takes part in cells, hashed once a run."""
+
+    def __init__(self, metrics: Sequence[str]) -> None:
+        self._metrics = metrics
+        self._known: dict[type, str] = {}
+
+    def of(self, cell: Cell) -> dict[str, Any]:
+        """By kind the hash of the classes of a cell, those of the metrics by name."""
+        light, material, view, method = map(self._hash, _classes(cell))
+        metrics = [[name, self._hash(METRICS.get(name))] for name in self._metrics]
+        return {"light": light, "material": material, "view": view, "method": method, "metrics": metrics}
+
+    def any_foreign(self, cell: Cell) -> bool:
+        """Whether plug-ins take part in a cell."""
+        return any(map(is_foreign, [*_classes(cell), *map(METRICS.get, self._metrics)]))
+
+    def foreign_inputs(self, cell: Cell) -> bool:
+        """Whether the light, material or view is a plug-in's."""
+        return any(map(is_foreign, _classes(cell)[:3]))
+
+    def _hash(self, cls: type) -> str:
+        if cls not in self._known:
+            self._known[cls] = source_hash(cls)
+        return self._known[cls]
+
+
+def _classes(cell: Cell) -> tuple[type, ...]:
+    return (
+        LIGHTS.get(cell.light.name), MATERIALS.get(cell.material.name), VIEWS.get(cell.view.name),
+        METHODS.get(cell.method.name),
+    )  # fmt: skip

@@ -1,0 +1,109 @@
+"""The keys of a study's cells: all that makes a cell what it is, hashed before anything is measured."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, NamedTuple
+
+from glossbench.brdf.material import MATERIALS
+from glossbench.errors import InputError
+from glossbench.provenance import numerics_hash
+from glossbench.registry import Registry
+from glossbench.run.attempts import OUR_TRIES, TRIES, Attempt
+from glossbench.run.cell_items import Made, Sources
+from glossbench.run.results import Results, key_of
+from glossbench.run.study_lights import Changed, StudyLights
+from glossbench.scene.points import VIEWS
+from glossbench.shading.method import METHODS
+from glossbench.study.cells import Cell, Item
+from glossbench.study.claims import PLACES
+from glossbench.study.study import Study
+
+
+class PassedOver(Exception):
+    """A cell that ended the process too often to be tried again."""
+
+
+class Identity(NamedTuple):
+    """What a cell is known by.
+
+    Attributes:
+        key: of the cell on disk.
+        spelled: the key of what the study says of it, without a word of the plug-ins that it is made of. Under this is
+            kept what fails before the cell's own key is known, or ends the process.
+        reference_key: of its reference; empty where `key` is `spelled`.
+        keys: of its material, view and method.
+        error: why its own key is not known.
+        ended: how often the process ended in this cell.
+    """
+
+    key: str
+    spelled: str
+    reference_key: str = ""
+    keys: tuple[str, ...] = ()
+    error: BaseException | None = None
+    ended: int = 0
+
+
+class CellKeys:
+    """Finds the keys of cells; what an item is, is found once in a run, unless it is a plug-in's.
+
+    Args:
+        guard: what the code of plug-ins runs in, for a cell under a key.
+    """
+
+    def __init__(
+        self, study: Study, results: Results, lights: StudyLights,
+        guard: Callable[[Cell, str], AbstractContextManager[None]],
+    ) -> None:  # fmt: skip
+        self.sources = Sources(study.metrics)
+        self.code = numerics_hash()
+        self._common = [self.code, study.reference.model_dump(), study.device]
+        self._results, self._lights, self._guard = results, lights, guard
+        self._marks = results.folder / "begun"
+        self._known: dict[int, str] = {}
+
+    def of(self, cell: Cell, again: bool = False) -> Identity:
+        """The identity of a cell; raises what says that a file cannot be read, or has changed.
+
+        Args:
+            again: try again what failed before its own key was known.
+        """
+        sources, is_foreign = self.sources.of(cell), self.sources.any_foreign(cell)
+        items = {kind: [getattr(cell, kind).name, getattr(cell, kind).spelled()] for kind in (*PLACES, "method")}
+        spelled = key_of([self._common, sources, items])
+        is_there = self._results.has_cell(spelled) and not self._results.damage_of_cell(spelled)
+        if is_there and not again:
+            return Identity(spelled, spelled)
+        tried = Attempt(self._marks, spelled, TRIES if is_foreign else OUR_TRIES)
+        attempt = Attempt(self._marks, f"{spelled}_key")  # another one: it ends before the cell begins
+        for each in (tried, attempt):
+            if each.is_hopeless and not is_there:
+                each.end()
+                return Identity(spelled, spelled, error=PassedOver(f"{each.told}; --rerun-failed tries again"))
+        try:
+            with self._guard(cell, spelled) if is_foreign else nullcontext():
+                if is_foreign:
+                    attempt.begin()
+                keys = self._keys(cell, is_foreign)
+                light_key = self._lights.key(cell.light) or self._lights.get(cell.light).key
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt | Changed) or (isinstance(error, InputError) and not is_foreign):
+                raise
+            return Identity(spelled, spelled, error=error)
+        finally:
+            attempt.end()
+        stated = [[*items[kind], key] for kind, key in zip(("material", "view", "method"), keys, strict=True)]
+        reference_key = key_of([self._common, light_key, *(sources[place] for place in PLACES), *stated[:2]])
+        key = key_of([reference_key, stated[2], sources["method"], sources["metrics"]])
+        return Identity(key, spelled, reference_key, keys, ended=tried.ended)
+
+    def _keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:
+        if is_foreign:
+            return Made.of(cell).keys
+        items: tuple[tuple[Registry[Any], Item], ...] = (
+            (MATERIALS, cell.material), (VIEWS, cell.view), (METHODS, cell.method),
+        )  # fmt: skip
+        for registry, item in items:
+            if id(item) not in self._known:
+                self._known[id(item)] = registry.create(item.name, item.options).key()
+        return tuple(self._known[id(item)] for _, item in items)

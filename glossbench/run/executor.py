@@ -1,0 +1,250 @@
+"""Running the cells of a study one after another: each read from disk, or made, measured and written."""
+
+import json
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+
+from glossbench.digests import digest_of
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.errors import CannotWrite, MethodError
+from glossbench.process.state import Restored, is_foreign
+from glossbench.process.time_limit import time_limit
+from glossbench.run.attempts import Attempt, remove_marks
+from glossbench.run.cell_items import Made
+from glossbench.run.cell_keys import CellKeys, Identity, PassedOver
+from glossbench.run.manifest import entry
+from glossbench.run.measuring import measure
+from glossbench.run.results import Results
+from glossbench.run.row_start import begin_row, failure
+from glossbench.run.study_lights import Changed, StudyLights
+from glossbench.shading.method import Image
+from glossbench.shading.outputs import check_view, notes_of, reason_of
+from glossbench.shading.stage_cache import StageCache
+from glossbench.study.cells import Cell, Item
+from glossbench.study.study import Study
+from glossbench.truth.reference import Reference, compute_reference
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a run tells while it goes on; each is a function that may do nothing.
+
+    Attributes:
+        begin: the number of cells.
+        doing: what is under way, in a few words.
+        cell: a cell is done, with its row.
+        note: what is out of the ordinary, a line: a damaged file that is made again, a fuller study that stays.
+    """
+
+    begin: Callable[[int], None] = lambda n: None
+    doing: Callable[[str], None] = lambda text: None
+    cell: Callable[[dict[str, Any]], None] = lambda row: None
+    note: Callable[[str], None] = lambda text: None
+
+
+class Executor:
+    """Runs one cell after another; stages and the reference, which neighbours share, it keeps meanwhile."""
+
+    def __init__(
+        self, study: Study, results: Results, progress: Progress, use_cache: bool = True, fail_fast: bool = False
+    ) -> None:
+        self.study, self.results, self.progress = study, results, progress
+        self.use_cache, self.fail_fast = use_cache, fail_fast
+        self.lights = StudyLights(study.device, results.folder / "begun")
+        self.keys = CellKeys(study, results, self.lights, lambda cell, key: self._guarded(cell, self._row(cell, key)))
+        self._whole: dict[str, bool] = {}  # by key of a reference, whether it is on disk as it was written
+        self._truth: tuple[str, Reference] | None = None
+        self._stages_light: Item | None = None
+        self._forget()
+
+    def run(self, cell: Cell, known: Identity, rerun_failed: bool) -> dict[str, Any]:
+        """The row of a cell: read from disk, or made and written.
+
+        Raises:
+            Changed: a file is not what it was when the run began.
+            CannotWrite: the folder of results cannot be written.
+        """
+        row = self._row(cell, known.key, known.reference_key)
+        stored = self._stored(cell, row)
+        if stored is not None and not (rerun_failed and stored["status"] == "failed"):
+            return stored
+        attempt = Attempt(self.results.folder / "begun", known.spelled)
+        try:
+            if known.error is not None:
+                raise known.error
+            attempt.begin()
+            with self._guarded(cell, row) if self.keys.sources.any_foreign(cell) else nullcontext():
+                made = replace(Made.of(cell), keys=known.keys)
+                made.check_unchanged(cell)
+            columns, image, half_vectors = self._execute(cell, row, made)
+        except BaseException as error:
+            return self._failed(row, error)
+        finally:
+            attempt.end()
+        self.results.remove_cell(known.spelled)
+        return self._written(row | columns, image, half_vectors)
+
+    def _written(self, row: dict[str, Any], image: Image | None = None, half_vectors: Any = None) -> dict[str, Any]:
+        self.results.add_cell(row, image, half_vectors)
+        return row
+
+    def _failed(self, row: dict[str, Any], error: BaseException) -> dict[str, Any]:
+        """The row of a cell that raised, written; some of what is raised ends the run."""
+        self._forget()
+        if isinstance(error, CannotWrite) and error.path.is_relative_to(self.results.folder):
+            raise error  # no fault of the cell's
+        if isinstance(error, KeyboardInterrupt | Changed) or (self.fail_fast and isinstance(error, Exception)):
+            raise error
+        if self.fail_fast:
+            raise MethodError(f"{row['method']} raised {error!r}") from error
+        told = str(error) if isinstance(error, PassedOver) else "".join(traceback.format_exception(error))
+        return self._written(row | failure(told))
+
+    def _execute(self, cell: Cell, row: dict[str, Any], made: Made) -> tuple[dict[str, Any], Image | None, Any]:
+        """What is new in the row of a cell, its image and its pattern."""
+        material, view, method = made.material, made.view, made.method
+        with self._guarded(cell, row):
+            reason = reason_of(method.name, method.supports(material, view.scene()))
+            if reason is not None:
+                return {"status": "skipped", "reason": reason}, None, None
+            if is_foreign(type(view)):
+                check_view(view)
+            light = self.lights.get(cell.light)
+        if self._stages_light != cell.light:  # stages of another light are of no use any more
+            self._stages, self._stages_light = StageCache(self.progress.doing), cell.light
+        truth = self._reference(cell, row, light, made)
+        self.progress.doing(cell.method.name)
+        with self._guarded(cell, row):
+            # What cells share beside the light and the stages; a plug-in may write into it unseen.
+            shared = (truth, view.scene(), material.reflectance()) if self.keys.sources.any_foreign(cell) else ()
+            before = digest_of(*shared)
+            columns, image, half_vectors = measure(
+                method, cell.method.tune, self.study.metrics, self._stages, light, material, view, truth
+            )
+            notes = [note for each in (material, view, method) for note in notes_of(each.name, each.notes())]
+            notes = [*self.lights.notes(cell.light), *notes]
+            made.check_unchanged(cell)
+            if not self.lights.is_intact():
+                raise MethodError(f"{method.name} writes into the light, which others read")
+            if digest_of(*shared) != before:
+                raise MethodError(
+                    f"{method.name} writes into the scene, the material or the reference, which others read"
+                )
+        columns |= {
+            "notes": json.dumps(notes),
+            "reference_noise": truth.noise,
+            "reference_peak_noise": float(truth.standard_error.max()),
+            "reference_target": self.study.reference.relative_error * truth.mean,
+            "reference_mean": truth.mean,
+            "reference_samples": truth.n_samples,
+            "at_noise_floor": bool(columns["rms"] < 2 * truth.noise),
+            "reference_seconds": self.results.reference_numbers(row["reference_key"])["seconds"],
+        }
+        return columns, image, half_vectors
+
+    def _reference(self, cell: Cell, row: dict[str, Any], light: CubeMap, made: Made) -> Reference:
+        """The truth as it is on disk: float32, so that a resumed run compares with the same numbers."""
+        key = row["reference_key"]
+        if self._truth is not None and self._truth[0] == key:
+            return self._truth[1]
+        if not self._has_reference(key):
+            options = self.study.reference
+            started = time.perf_counter()
+            with ExitStack() as limits:
+
+                def begin_round() -> None:
+                    limits.close()  # the limit is for each round, and plug-ins alone: a reference may take long
+                    if self.keys.sources.foreign_inputs(cell):
+                        limits.enter_context(self._guarded(cell, row))
+
+                def tell(noise: float, n_samples: int) -> None:
+                    target = f"{100 * options.relative_error:.2g} %"
+                    self.progress.doing(
+                        f"reference: noise {100 * noise:.2g} % (target {target}), {n_samples} samples a pixel"
+                    )
+                    begin_round()
+
+                self.progress.doing("reference")
+                begin_round()
+                truth = compute_reference(
+                    light, made.material, made.view, options.relative_error, options.max_samples, options.seed, tell,
+                    self.results.folder / "references" if self.use_cache else None,
+                )  # fmt: skip
+                made.check_unchanged(cell)
+            if not torch.isfinite(truth.radiance).all():
+                raise MethodError(f"the reference of {cell.material.name} is not finite everywhere")
+            self.results.add_reference(key, truth, time.perf_counter() - started)
+            self._whole[key] = True
+        stored = Reference(
+            torch.from_numpy(self.results.reference(key).astype(np.float64)),
+            torch.from_numpy(self.results.standard_error(key).astype(np.float64)),
+            torch.from_numpy(self.results.mask(key)),
+            int(self.results.reference_numbers(key)["n_samples"]),
+        )
+        self._truth = (key, stored)
+        return stored
+
+    def _stored(self, cell: Cell, row: dict[str, Any]) -> dict[str, Any] | None:
+        """The row of a cell on disk, where all its files are as they were written; its reference is, or is made so."""
+        key = row["key"]
+        if not (self.use_cache and self.results.has_cell(key)):
+            return None
+        if damage := self.results.damage_of_cell(key):
+            self.progress.note(f"{damage}: this cell is computed again")
+            return None
+        stored = self.results.cell(key)
+        if stored["status"] == "done" and not self._has_reference(row["reference_key"]):
+            self._reference(cell, row, self.lights.get(cell.light), Made.of(cell))
+        # The key does not tell what an image file was called, nor a seed that nothing took.
+        return stored | entry(row)
+
+    def _has_reference(self, key: str) -> bool:
+        """Whether a reference is on disk as it was written; looked at once a run."""
+        if key not in self._whole:
+            is_there = self.use_cache and self.results.has_reference(key)
+            damage = self.results.damage_of_reference(key) if is_there else ""
+            if damage:
+                self.progress.note(f"{damage}: this reference is computed again")
+            self._whole[key] = is_there and not damage
+        return self._whole[key]
+
+    @contextmanager
+    def _guarded(self, cell: Cell, row: dict[str, Any]) -> Iterator[None]:
+        """What runs under the time limit; where plug-ins take part, the process is afterwards as it was."""
+        limit = time_limit(self.study.time_limit, partial(self._give_up, row, threading.get_ident()))
+        with Restored("a plug-in") if self.keys.sources.any_foreign(cell) else nullcontext(), limit:
+            yield
+
+    def _give_up(self, row: dict[str, Any], thread: int) -> None:
+        """Write the row of a cell that cannot be interrupted, with where it is, before the process ends."""
+        reason = f"took more than the time limit of {self.study.time_limit:g} s, and could not be interrupted"
+        stack = "".join(traceback.format_stack(sys._current_frames()[thread]))
+        self.results.add_cell(row | failure(f"{stack}TimeoutError: {reason}\n"), None, None)
+        remove_marks(self.results.folder / "begun")
+        print(f"error: {row['method']} {reason}; the same command goes on with the next cell", file=sys.__stderr__)
+
+    def _row(self, cell: Cell, key: str, reference_key: str = "") -> dict[str, Any]:
+        study, light_key = self.study, self.lights.key(cell.light)
+        return begin_row(cell, key, reference_key, light_key, study.metrics, study.device, study.seed, self.keys.code)
+
+    def _forget(self) -> None:
+        """Let go of all that cells share: a plug-in may have spoilt it."""
+        self._stages, self._stages_light = StageCache(self.progress.doing), None
+        self._truth = None
+        self.lights.forget()
+        for module in [
+            m for name, m in sys.modules.items() if name.startswith(("glossbench.scene", "glossbench.brdf"))
+        ]:
+            for member in vars(module).values():
+                if callable(getattr(member, "cache_clear", None)):
+                    member.cache_clear()

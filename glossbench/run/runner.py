@@ -1,0 +1,128 @@
+"""Running a study: cell after cell, each remembered on disk, so that a killed run goes on from there."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pandas
+import pyarrow.parquet  # noqa: F401  before plug-ins run: what they patch of it is put back (process_state)
+
+from glossbench.atomic import interrupted_when_asked
+from glossbench.brdf.material import MATERIALS
+from glossbench.envmap.lights.light import LIGHTS
+from glossbench.errors import InputError
+from glossbench.findings.verdicts import judge
+from glossbench.plugins import origin
+from glossbench.process.leftovers import children, end_children
+from glossbench.process.state import is_foreign
+from glossbench.process.surroundings import settled
+from glossbench.provenance import provenance
+from glossbench.registry import Registry
+from glossbench.run.executor import Executor, Progress
+from glossbench.run.results import Results
+from glossbench.run.study_lights import StudyLights
+from glossbench.scene.points import VIEWS
+from glossbench.study.cells import Item
+from glossbench.study.study import Study
+
+
+@settled()
+@interrupted_when_asked()
+def run_study(
+    study: Study,
+    folder: Path,
+    *,
+    use_cache: bool = True,
+    rerun_failed: bool = False,
+    fail_fast: bool = False,
+    progress: Progress | None = None,
+) -> Results:
+    """Execute all cells of a study that are not on disk, judge its claims, and leave all in `folder`.
+
+    A cell that raises anything but KeyboardInterrupt has failed, and the run goes on. So has one that takes longer
+    than the study's time limit; where its code cannot be interrupted this process ends with exit code 1, and the
+    next run goes on with the next cell. A cell in which the process was ended from outside comes last when the study
+    is run again.
+
+    Args:
+        use_cache: False computes cells and references anew.
+        rerun_failed: try again cells that failed in an earlier run.
+        fail_fast: raise what a cell raises, instead of keeping its traceback as the cell's result.
+
+    Raises:
+        InputError: no such device, a file cannot be read, or the folder cannot be written or holds what would be
+            lost; then nothing is written. CannotWrite: a full disk, say; the cells that are done are kept.
+    """
+    if not study.has_device():
+        raise InputError("the study wants device: cuda, but there is none here; say device: cpu")
+    progress = progress or Progress()
+    cells = study.cells()
+    results = Results(folder)
+    executor = Executor(study, results, progress, use_cache, fail_fast)
+    progress.doing("lights")
+    _read_files(study, executor.lights)
+    _check_own_study(study, results)
+    results.create()
+    started = datetime.now(UTC)
+    rows: dict[int, dict[str, Any]] = {}
+    running = children()
+    try:
+        known = [executor.keys.of(cell, rerun_failed or not use_cache) for cell in cells]
+        entries = [
+            {"key": each.key, "light_options": cell.light.json, "seed": study.seed}
+            for cell, each in zip(cells, known, strict=True)
+        ]
+        if kept := results.begin(study.resolved(), entries, provenance(study.device, started)):
+            progress.note(kept)
+        progress.begin(len(cells))
+        for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # what may end the process, last
+            rows[i] = executor.run(cells[i], known[i], rerun_failed)
+            progress.cell(rows[i])
+    finally:
+        end_children(but=running)
+    in_order = [rows[i] for i in range(len(cells))]
+    results.finish(
+        study.resolved(),
+        judge(study.claims, pandas.DataFrame(in_order)),
+        in_order,
+        provenance(study.device, started, {name: origin(name) for name in study.plugins}),
+    )
+    return results
+
+
+def _read_files(study: Study, lights: StudyLights) -> None:
+    """Read what cannot be read before anything is written; plug-ins' own files are theirs."""
+    for item in study.lights:
+        if not is_foreign(LIGHTS.get(item.name)):
+            lights.get(item)
+    kinds: tuple[tuple[Registry[Any], Sequence[Item]], ...] = ((MATERIALS, study.materials), (VIEWS, study.views))
+    for registry, items in kinds:
+        for item in items:
+            if not is_foreign(registry.get(item.name)):
+                registry.create(item.name, item.options).open_files()
+
+
+def _check_own_study(study: Study, results: Results) -> None:
+    """InputError where the results would take the place of the study's own file; that of a run may run again."""
+    path = results.folder / "study.yaml"
+    if path.exists() and study.name == "study" and study.folder.resolve() == results.folder.resolve():
+        if "study.yaml" not in results.disk.manifest.files or results.disk.is_altered("study.yaml"):
+            raise InputError(
+                f"{path} is the study itself, which its results would take the place of: name another folder by -o"
+            )
+
+
+def kept_statuses(study: Study, folder: Path) -> list[str]:
+    """Of each cell of a study what a folder has of it: done, skipped, failed or damaged; new where it has nothing."""
+    results = Results(folder)
+    if not any((folder / "cells").glob("*.json")):
+        return ["new"] * len(study.cells())
+    keys = Executor(study, results, Progress()).keys
+    return [_status(results, keys.of(cell).key) for cell in study.cells()]
+
+
+def _status(results: Results, key: str) -> str:
+    if not results.has_cell(key):
+        return "new"
+    return "damaged" if results.damage_of_cell(key) else str(results.cell(key)["status"])

@@ -1,0 +1,97 @@
+"""The lights of a study that runs: one in memory at a time, each known by the key of what was read."""
+
+from pathlib import Path
+
+import torch
+
+from glossbench.digests import digest_of
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.lights.light import LIGHTS
+from glossbench.errors import InputError, MethodError
+from glossbench.process.state import is_foreign
+from glossbench.run.attempts import Attempt
+from glossbench.run.results import key_of
+from glossbench.shading.outputs import key_text, notes_of
+from glossbench.study.cells import Item
+
+
+class Changed(InputError):
+    """A file of an input is not what it was when the run began."""
+
+
+class StudyLights:
+    """The study's lights, one in memory at a time.
+
+    Args:
+        device: where they go.
+        marks: folder of the marks of plug-ins' lights while they are made.
+    """
+
+    def __init__(self, device: str, marks: Path) -> None:
+        self._device, self._marks = device, marks
+        self._item: Item | None = None
+        self._light: CubeMap | None = None
+        self._keys: dict[Item, str] = {}
+        self._notes: dict[Item, tuple[str, ...]] = {}
+        self._broken: dict[Item, str] = {}
+        self._digest = 0
+
+    def get(self, item: Item) -> CubeMap:
+        """The light of an item.
+
+        Raises:
+            Changed: its file is another one than at first.
+            MethodError: a plug-in's light that is none, or that failed before.
+        """
+        if self._light is None or self._item != item:
+            self._light = None
+            light = self._of_plugin(item) if is_foreign(LIGHTS.get(item.name)) else self._made(item)
+            if self._keys.setdefault(item, light.key) != light.key:
+                raise Changed(
+                    f"light {item.options.get('file', item.name)}: has changed while the study ran; run it again"
+                )
+            self._light, self._item, self._digest = light, item, digest_of(light)
+        return self._light
+
+    def key(self, item: Item) -> str:
+        """What the light is, as text; empty where it cannot be made."""
+        return self._keys.get(item, "")
+
+    def notes(self, item: Item) -> tuple[str, ...]:
+        """What was changed or assumed of a light that was made."""
+        return self._notes[item]
+
+    def is_intact(self) -> bool:
+        """Whether the light is what it was when it was made: arrays that share its memory can be written to unseen."""
+        return self._light is None or digest_of(self._light) == self._digest
+
+    def forget(self) -> None:
+        """Make the light anew when it is asked for again."""
+        self._light = None
+
+    def _made(self, item: Item) -> CubeMap:
+        made = LIGHTS.create(item.name, item.options)
+        light = made.cubemap()
+        if not isinstance(light, CubeMap) or light.faces.dtype != torch.float32:
+            raise MethodError(f"light {item.name}: cubemap must return a CubeMap of float32, got {light!r:.60}")
+        key_text(item.name, light.key)
+        self._notes[item] = tuple(notes_of(item.name, made.notes()))
+        return light.to(self._device)
+
+    def _of_plugin(self, item: Item) -> CubeMap:
+        """As `_made`, but what fails is not tried again, and what ends the process not more than twice."""
+        if item in self._broken:
+            raise MethodError(self._broken[item])
+        attempt = Attempt(self._marks, key_of(["light", item.name, item.spelled()]))
+        if attempt.is_hopeless:
+            raise MethodError(f"light {item.name} ended the process {attempt.ended} times; it is passed over")
+        attempt.begin()
+        try:
+            light = self._made(item)
+        except BaseException as error:
+            if not isinstance(error, KeyboardInterrupt):
+                self._broken[item] = f"light {item.name}: {type(error).__name__}: {error}"
+            attempt.end()
+            raise
+        attempt.end()
+        return light

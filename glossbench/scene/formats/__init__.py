@@ -1,0 +1,1 @@
+"""Mesh files: each format read as polygons."""

@@ -1,0 +1,1 @@
+"""The shade interface: methods and their stages, the cache of stages, costs, kernels."""

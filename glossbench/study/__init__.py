@@ -1,0 +1,1 @@
+"""Studies: YAML -> a checked study of cells."""

@@ -1,0 +1,216 @@
+"""Which of many cells fit what an exclusion or a claim asks for: decided for each item and value, not for each cell."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glossbench.study.claims import BUDGET, PLACES, agrees, called
+
+Mask = NDArray[np.bool_]
+Named = tuple[str, Mapping[str, Any]]  # a name and options
+KINDS = (*PLACES, "method")
+_ABSENT = object()
+
+
+class CellIndex:
+    """Cells as positions in lists of lights, materials, views and methods.
+
+    Args:
+        items: of each kind the names and options that cells are made of.
+        codes: of each kind the position of each cell's item.
+    """
+
+    def __init__(self, items: Mapping[str, Sequence[Named]], codes: Mapping[str, NDArray[np.intp]]) -> None:
+        self.codes = codes
+        self._columns = {kind: _Columns(items[kind]) for kind in KINDS}
+        self._all = np.ones(len(codes["method"]), bool)
+
+    @classmethod
+    def product(cls, items: Mapping[str, Sequence[Named]]) -> Self:
+        """Every light x material x view x method, in this order, the last varying fastest."""
+        counts = [len(items[kind]) for kind in KINDS]
+        codes = np.unravel_index(np.arange(np.prod(counts, dtype=int)), counts)
+        return cls(items, dict(zip(KINDS, codes, strict=True)))
+
+    @classmethod
+    def of_rows(cls, rows: Iterable[Mapping[str, Any]]) -> Self:
+        """Rows of results: names, with options as `light_options` and so on, those of the method as `options`."""
+        items: dict[str, list[Named]] = {kind: [] for kind in KINDS}
+        codes: dict[str, list[int]] = {kind: [] for kind in KINDS}
+        known: dict[tuple[str, str, str], int] = {}
+        for row, kind in product(rows, KINDS):
+            options = row["options" if kind == "method" else f"{kind}_options"]
+            key = (kind, row[kind], json.dumps(options, sort_keys=True))
+            if key not in known:
+                known[key] = len(items[kind])
+                items[kind].append((row[kind], options))
+            codes[kind].append(known[key])
+        return cls(items, {kind: np.array(of_kind, np.intp) for kind, of_kind in codes.items()})
+
+    def is_called(self, kind: str, wanted: Any) -> Mask:
+        """Cells whose item answers to a name, to {name: {option: value}}, or to one of a list of these."""
+        columns, fits = self._columns[kind], np.zeros(0, bool)
+        for one in wanted if isinstance(wanted, list) else [wanted]:
+            name, stated = next(iter(one.items())) if isinstance(one, dict) else (one, {})
+            each = columns.named(name)
+            for option, value in stated.items():
+                each = each & columns.agreeing(option, value)
+            fits = each | fits if fits.size else each
+        return fits[self.codes[kind]] if fits.size else ~self._all
+
+    def excluded(self, entry: Mapping[str, Any]) -> Mask:
+        """Cells that have all that an entry of `exclude` asks for.
+
+        An option is the method's, else the material's, the view's or the light's.
+        """
+        fits = self._all
+        for key, wanted in entry.items():
+            if key in KINDS:
+                fits = fits & self.is_called(key, wanted)
+                continue
+            left, found = self._all, ~self._all
+            for kind in ("method", "material", "view", "light"):
+                columns, codes = self._columns[kind], self.codes[kind]
+                if columns.held(key).any():
+                    found = found | (left & columns.agreeing(key, wanted)[codes])
+                    left = left & ~columns.held(key)[codes]
+            fits = fits & found
+        return fits
+
+    def within(self, where: Mapping[str, Any], of_methods: Iterable[str]) -> Mask:
+        """Cells that are what `where` asks for; what only the other method has does not restrict them.
+
+        An option is of a method, else of the material; "light.seed", "material.alpha" or "view.resolution" of that.
+
+        Args:
+            of_methods: the options of all methods that the claim is about.
+        """
+        fits = self._all
+        for key, wanted in where.items():
+            if key in PLACES:
+                each = self.is_called(key, wanted)
+            elif (of := key.partition(".")[0]) in PLACES:
+                each = self._columns[of].agreeing(key.partition(".")[2], wanted)[self.codes[of]]
+            elif key in of_methods:
+                columns = self._columns["method"]
+                each = (~columns.held(key) | columns.agreeing(key, wanted))[self.codes["method"]]
+            else:
+                each = self._columns["material"].agreeing(key, wanted)[self.codes["material"]]
+            fits = fits & each
+        return fits
+
+    def alike(
+        self, kinds: Sequence[str], options: Sequence[str], budgets: Mapping[str, str] | None = None
+    ) -> NDArray[np.intp]:
+        """A number for each cell, equal where cells have the same items of some kinds and options of their methods.
+
+        Args:
+            options: of the method; BUDGET is the budget of each method, "material.alpha" a parameter of the material.
+            budgets: by method the option that is its budget.
+        """
+        number = np.zeros(len(self._all), np.intp)
+        columns = [(self.codes[kind], self._columns[kind].n) for kind in kinds]
+        for option in options:
+            of, _, own = option.partition(".")
+            kind, own = (of, own) if of in PLACES else ("method", option)
+            column = self._columns[kind].budget(budgets or {}) if option == BUDGET else self._columns[kind].column(own)
+            columns.append((column.codes[self.codes[kind]] + 1, len(column.distinct) + 1))
+        for codes, n in columns:
+            number = number * n + codes
+        return number
+
+    def values(self, key: str, cells: Mask) -> list[Any]:
+        """The values of an option, or the names of a kind, that some cells have, in their order, each once."""
+        if key in KINDS:
+            return self._columns[key].names(np.unique(self.codes[key][cells]))
+        found: list[Any] = []
+        of, _, option = key.partition(".")
+        if of in PLACES:
+            return self._columns[of].values(option, np.unique(self.codes[of][cells]))
+        for kind in ("method", "material"):
+            found = found or self._columns[kind].values(key, np.unique(self.codes[kind][cells]))
+        return found
+
+
+class _Columns:
+    """The items of one kind, each option a column; a column is made when it is asked for."""
+
+    def __init__(self, items: Sequence[Named]) -> None:
+        self._items, self.n = items, len(items)
+        self._made: dict[str, _Column] = {}
+        positions: dict[str, list[int]] = {}
+        for i, (name, options) in enumerate(items):
+            for each in called(name, options):
+                positions.setdefault(each, []).append(i)
+        self._none = np.zeros(len(items), bool)
+        self._named = {name: np.isin(np.arange(len(items)), of_name) for name, of_name in positions.items()}
+
+    def named(self, name: str) -> Mask:
+        return self._named.get(name, self._none)
+
+    def held(self, option: str) -> Mask:
+        return self.column(option).held
+
+    def agreeing(self, option: str, wanted: Any) -> Mask:
+        column = self.column(option)
+        agrees_with = np.zeros(len(column.distinct) + 1, bool)  # the last is that of items without the option
+        agrees_with[column.agreeing(wanted)] = True
+        return agrees_with[column.codes]
+
+    def names(self, positions: Iterable[int]) -> list[str]:
+        return list(dict.fromkeys(self._items[i][0] for i in positions))
+
+    def values(self, option: str, positions: Iterable[int]) -> list[Any]:
+        column = self.column(option)
+        return [column.distinct[c] for c in dict.fromkeys(column.codes[i] for i in positions) if c >= 0]
+
+    def budget(self, budgets: Mapping[str, str]) -> "_Column":
+        return _Column([options.get(budgets.get(name, ""), _ABSENT) for name, options in self._items])
+
+    def column(self, option: str) -> "_Column":
+        if option not in self._made:
+            self._made[option] = _Column([options.get(option, _ABSENT) for _, options in self._items])
+        return self._made[option]
+
+
+class _Column:
+    """The distinct values of an option, which a scalar finds without a look at each; an item without it has code -1."""
+
+    def __init__(self, values: list[Any]) -> None:
+        self.distinct: list[Any] = []
+        self._alike: dict[tuple[bool, Any], list[int]] = {}
+        known: dict[str, int] = {}
+        codes = []
+        for value in values:
+            if value is _ABSENT:
+                codes.append(-1)
+                continue
+            key = json.dumps(value, sort_keys=True)
+            if key not in known:
+                known[key] = len(self.distinct)
+                if (scalar := _scalar(value)) is not None:
+                    self._alike.setdefault(scalar, []).append(known[key])
+                self.distinct.append(value)
+            codes.append(known[key])
+        self._all_scalar = not any(isinstance(value, list | dict) for value in self.distinct)
+        self.codes = np.array(codes, np.intp)
+        self.held = self.codes >= 0
+
+    def agreeing(self, wanted: Any) -> list[int]:
+        if isinstance(wanted, dict) or (isinstance(wanted, list) and not self._all_scalar):
+            return [i for i, value in enumerate(self.distinct) if agrees(wanted, value)]
+        each = wanted if isinstance(wanted, list) else [wanted]
+        scalars = ((isinstance(one, bool), one) for one in each if not isinstance(one, list | dict))
+        return [i for scalar in scalars for i in self._alike.get(scalar, [])]
+
+
+def _scalar(value: Any) -> tuple[bool, Any] | None:
+    """A scalar, or the one that all components of a list equal; whether it is a Boolean beside it, for 1 == True."""
+    if isinstance(value, list):
+        parts = {_scalar(part) for part in value}
+        return next(iter(parts)) if len(parts) == 1 else None
+    return None if isinstance(value, dict) else (isinstance(value, bool), value)

@@ -1,0 +1,157 @@
+"""What a study says of its cells: exclusions and claims, each of which must be about some."""
+
+import json
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from glossbench.errors import nearest
+from glossbench.shading.method import CHANGES, METHODS, stated_stages
+from glossbench.study.cell_index import CellIndex, Mask
+from glossbench.study.claim_names import unknown_name, unknown_place
+from glossbench.study.claims import (
+    COLUMNS,
+    KINDS,
+    PLACES,
+    Claim,
+    called,
+    method_of,
+    methods_of,
+    options_of,
+    places_of,
+    sides_of,
+)
+from glossbench.study.document import Document, KeyPath, path_text
+
+if TYPE_CHECKING:
+    from glossbench.study.study import Study
+
+MAX_VALUES = 8  # that a message lists
+LARGER = ("higher", "greater", "larger", "more", "above", "worse")
+OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by")
+
+
+def checked_exclude(document: Document, study: "Study", any_light: bool) -> tuple[dict[str, Any], ...]:
+    """The exclusions that leave out a cell; InputError for one that does not, or that has an unknown key.
+
+    Args:
+        any_light: the lights are not the study's own, so that what was said about those may fit nothing.
+    """
+    index = study.index
+    excluded = np.zeros(len(index.codes["method"]), bool)
+    options = {key for kind in (study.methods, study.materials, study.views, study.lights) for item in kind
+               for key in item.options}  # fmt: skip
+    known = [*PLACES, "method", *options]
+    names = _names(study, any_light) | {"method": {item.name for item in study.methods}}
+    kept = []
+    for i, entry in enumerate(study.exclude):
+        path: KeyPath = ("exclude", i)
+        unknown = [] if any_light else [key for key in entry if key not in known]
+        if unknown and unknown[0] in names["method"]:
+            text = f"{path_text(path)}: unknown key {unknown[0]!r}; write method: {unknown[0]}, and options beside it"
+            raise document.error((*path, unknown[0]), text, at_key=True)
+        if unknown:
+            raise document.unknown(path, "key", unknown, known)
+        for key, value in entry.items():
+            if key in names and (problem := unknown_place(key, value, names)):
+                raise document.error((*path, key), f"{path_text((*path, key))}: {problem}")
+        fits = index.excluded(entry)
+        if entry and fits.any():
+            kept.append(entry)
+            excluded |= fits
+        elif not any_light:
+            raise document.error(path, f"{path_text(path)} fits no cell{_held(index, np.ones_like(fits), entry)}")
+    if excluded.all():
+        raise document.error(("exclude",), "exclude leaves no cell")
+    return tuple(kept)
+
+
+def checked_claims(document: Document, study: "Study", any_light: bool) -> tuple[Claim, ...]:
+    """The claims; InputError for one that is wrong, or that no cell of one of its sides is about."""
+    methods: dict[str, set[str]] = {}
+    for item in study.methods:
+        methods.setdefault(item.name, set()).update(item.options)
+    names = _names(study, any_light)
+    parameters = {place: {key for item in items for key in item.options} for place, items in places_in(study).items()}
+    stages = [name for method in methods for name in stated_stages(METHODS.get(method))]
+    costs = [*COLUMNS, *(f"stage_seconds.{name}" for name in stages), *(f"update_seconds.{name}" for name in CHANGES)]
+    found: list[Claim] = []
+    for i, entry in enumerate(document.data.get("claims", [])):
+        path: KeyPath = ("claims", i)
+        kinds = [kind for kind in KINDS if isinstance(entry, dict) and kind in entry]
+        if len(kinds) != 1:
+            got = " and ".join(kinds) or "none"
+            text = f"{path_text(path)} needs one of the keys {', '.join(KINDS)}, got {got}"
+            raise document.error(path, text + _instead_of(entry))
+        claim = document.validate(KINDS[kinds[0]], path)
+        problem = unknown_name(claim, methods, names, parameters, study.metrics, costs)
+        if problem:
+            at = (*path, *problem[0])
+            raise document.error(at, f"{path_text(at)}: {problem[1]}")
+        found.append(claim)
+    if found:
+        _check_where(document, study, found, any_light)
+    return tuple(found)
+
+
+def _instead_of(entry: Any) -> str:
+    """What to write instead of a claim of a kind that there is not."""
+    keys = list(entry) if isinstance(entry, dict) else []
+    if larger := next((key for key in keys if key in LARGER), None):
+        return f"; in place of {larger!r} write lower, with the two sides exchanged"
+    hints = (nearest(key, KINDS) for key in keys if key not in OTHER_KEYS)
+    if close := next((hint for hint in hints if "did you mean" in hint), ""):
+        return close
+    if "than" in keys:
+        return "; that one side has the lower error is written lower: METHOD, than: METHOD, metric: ERROR"
+    is_value = {"equals", "equal", "between"} & set(keys)
+    return "; that a column of one method has a value is written value: METHOD, of: COLUMN" if is_value else ""
+
+
+def _check_where(document: Document, study: "Study", claims: list[Claim], any_light: bool) -> None:
+    """InputError for a claim that no cell of one of its sides is about."""
+    index, kept = study.index, study.kept
+    options: dict[str, set[str]] = {}
+    for item in study.methods:
+        options.setdefault(item.name, set()).update(item.options)
+    for i, claim in enumerate(claims):
+        where = {key: value for key, value in claim.where.items() if not (any_light and key == "light")}
+        of_methods = set().union(*(options[name] for name in methods_of(claim)))
+        for at, side in sides_of(claim).items():
+            name = method_of(side)
+            own = kept & index.is_called("method", name)
+            wanted = {("claims", i, "where") if where else ("claims", i): where,
+                      ("claims", i, *at, name): options_of(side)}  # fmt: skip
+            wanted |= {("claims", i, *at, place): {place: value} for place, value in places_of(side).items()
+                       if not (any_light and place == "light")}  # fmt: skip
+            fits = {path: own & index.within(each, of_methods) for path, each in wanted.items()}
+            if np.logical_and.reduce(list(fits.values())).any():
+                continue
+            path: KeyPath = next((path for path, each in fits.items() if not each.any()), ("claims", i))
+            keys = wanted.get(path, {**where, **options_of(side), **places_of(side)})
+            raise document.error(path, f"{path_text(path)} fits no cell of {name}{_held(index, own, keys)}")
+
+
+def places_in(study: "Study") -> dict[str, Any]:
+    """The study's lights, materials and views."""
+    return {"light": study.lights, "material": study.materials, "view": study.views}
+
+
+def _names(study: "Study", any_light: bool) -> dict[str, set[str]]:
+    """What the study's lights, materials and views answer to; any light may answer to anything."""
+    return {
+        place: {name for item in items for name in called(item.name, item.options)}
+        for place, items in places_in(study).items()
+        if not (any_light and place == "light")
+    }
+
+
+def _held(index: CellIndex, cells: Mask, keys: Collection[str]) -> str:
+    """The values that cells have of some options, or of their light, material or view: "; they have samples 4, 8"."""
+    told = []
+    for key in keys:
+        values = [json.dumps(value) for value in index.values(key, cells)]
+        more = f" and {len(values) - MAX_VALUES} more" if len(values) > MAX_VALUES else ""
+        told.append(f"{key} {', '.join(values[:MAX_VALUES])}{more}")
+    return f"; they have {' and '.join(told)}" if told and cells.any() else ""

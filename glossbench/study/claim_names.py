@@ -1,0 +1,99 @@
+"""Names in claims and exclusions: which of them a study does not have, and what a short name means."""
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from glossbench.errors import nearest
+from glossbench.study.claims import (
+    PLACES,
+    Claim,
+    LowerClaim,
+    RatioClaim,
+    SlopeClaim,
+    ValueClaim,
+    method_of,
+    options_of,
+    places_of,
+    sides_of,
+)
+
+
+def unknown_name(
+    claim: Claim, methods: Mapping[str, Collection[str]], places: Mapping[str, Collection[str]],
+    parameters: Mapping[str, Collection[str]], metrics: Collection[str], costs: Collection[str],
+) -> tuple[tuple[str | int, ...], str] | None:  # fmt: skip
+    """The first name in a claim that its study does not have: the path of its key, and the message.
+
+    Args:
+        methods: the study's methods with the names of their options.
+        places: the names that light, material and view each answer to; what is left out is not checked.
+        parameters: the options of the study's lights, materials and views, by "light", "material" and "view".
+        metrics: the study's metrics.
+        costs: columns of costs that the study's cells have.
+    """
+    sides = sides_of(claim)
+    for path, side in sides.items():
+        name = method_of(side)
+        if name not in methods:
+            return path, f"no method {name!r} in this study{nearest(name, methods)}"
+        for option in options_of(side):
+            if option not in methods[name]:
+                where = (*path, name, option)
+                return where, f"no option {option!r} of {name} in this study{nearest(option, methods[name])}"
+        for place, value in places_of(side).items():
+            if problem := unknown_place(place, value, places):
+                return (*path, place), problem
+    options = [set(methods[method_of(side)]) for side in sides.values()]
+    shared = set.intersection(*options)
+    wanted: list[tuple[str, str, str, Collection[str]]] = []  # key, what, name, known
+    if isinstance(claim, LowerClaim):
+        wanted.append(("metric", "metric", claim.metric, metrics))
+    if isinstance(claim, SlopeClaim):
+        wanted.append(("metric", "metric or cost", claim.metric, [*metrics, *costs]))
+    if isinstance(claim, RatioClaim | ValueClaim):
+        wanted.append(("of", "column", claim.of, [*metrics, *costs]))
+    if isinstance(claim, SlopeClaim):
+        meant = meanings(claim.over, {"method": shared, **parameters})
+        if len(meant) > 1:
+            return ("over",), f"{claim.over!r} may mean {' or '.join(f'{of}.{key}' for of, key in meant)}: say which"
+        if not meant:
+            every = {*shared, *(key for own in parameters.values() for key in own)}
+            wanted.append(("over", f"option of {method_of(claim.slope)}", claim.over, every))
+    if isinstance(claim, LowerClaim | RatioClaim):
+        wanted += [("paired_by", "option of both methods", name, shared) for name in claim.paired_by]
+    for key, what, name, known in wanted:
+        if name not in known:
+            return (key,), f"no {what} {name!r} in this study{nearest(name, known)}"
+    restrictable = {*PLACES, *parameters["material"], *set.union(*options)}
+    held = {"method": set.union(*options), **parameters}
+    for key, value in claim.where.items():
+        if key == "method":
+            return ("where", key), "a claim's methods are its sides, not a part of where"
+        if key not in restrictable and not ("." in key and meanings(key, held)):
+            text = f"no option {key!r} of its methods or materials{nearest(key, restrictable)}"
+            return ("where", key), text
+        if problem := unknown_place(key, value, places):
+            return ("where", key), problem
+    return None
+
+
+def meanings(name: str, options: Mapping[str, Collection[str]]) -> list[tuple[str, str]]:
+    """What an option's name may mean, as (of, option): `of` is "method", "light", "material" or "view".
+
+    A full name, "material.alpha", means one thing; a short one, "alpha", an option of each that has it.
+    """
+    of, _, rest = name.partition(".")
+    if rest and rest in options.get(of, ()):
+        return [(of, rest)]
+    return [(each, name) for each, own in options.items() if name in own]
+
+
+def unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
+    """The message for the first light, material or view that a study does not have, or that is not stated as one."""
+    for one in (value if isinstance(value, list) else [value]) if place in places else []:
+        name, options = next(iter(one.items())) if isinstance(one, dict) and len(one) == 1 else (one, {})
+        if not isinstance(name, str) or not isinstance(options, dict):
+            return f"must be a {place}, {{{place}: {{option: value}}}}, or a list of these, got {one!r}"
+        if name not in places[place]:
+            return f"no {place} {name!r} in this study{nearest(name, places[place])}"
+    return None

@@ -1,0 +1,93 @@
+"""What a study says, in words: its sweeps, its materials, its claims, as `glossbench validate` prints them."""
+
+from collections.abc import Sequence
+from itertools import groupby
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from glossbench.options import check, schema_of
+from glossbench.study.claim_counts import counts
+from glossbench.study.claims import PLACES
+from glossbench.study.labels import as_text
+
+if TYPE_CHECKING:
+    from glossbench.study.expand import Axis, Form
+    from glossbench.study.study import Study
+
+MAX_VALUES = 8  # of a sweep
+MAX_LINES = 40  # of one kind
+
+
+def counted(n: int, what: str) -> str:
+    """A number with its noun."""
+    return f"{n:,} {what}{'' if n == 1 else 's'}"
+
+
+def in_one_line(study: "Study") -> str:
+    """A study by its title, and how many of everything it has."""
+    numbers = [counted(np.unique(study.index.codes[kind][study.kept]).size, kind) for kind in PLACES]
+    numbers += [counted(int(study.kept.sum()), "cell"), counted(len(study.claims), "claim")]
+    return f"{study.title}: {', '.join(numbers)}"
+
+
+def described(study: "Study", forms: dict[str, list["Form"]]) -> dict[str, str]:
+    """What a study says, by the word for it; lines where it is several."""
+    lines: dict[str, list[str]] = {kind: [entry_in_words(form) for form in own] for kind, own in forms.items()}
+    n_all, n_kept = len(study.kept), int(study.kept.sum())
+    lines["metrics"] = [", ".join(study.metrics)]
+    if study.exclude:
+        lines["exclude"] = [f"{counted(n_all - n_kept, 'cell')} of {n_all:,}"]
+    lines["device"] = [study.device + ("" if study.has_device() else ": there is none here, so that `run` refuses")]
+    if study.plugins:
+        lines["plug-ins"] = [", ".join(study.plugins)]
+    lines["claims"] = []
+    for claim, count in zip(study.claims, counts(study), strict=True):
+        problem = f" (cannot be tested: {count.problem})" if count.problem else ""
+        lines["claims"].append(f"{counted(count.n, count.what)}: {claim.text}{problem}")
+    return {word: "\n".join(_first(own)) for word, own in lines.items()}
+
+
+def entry_in_words(form: "Form") -> str:
+    """An item as the file states it: "ggx: alpha 0.1, 0.2 (isotropic); f0 0.04, 1 -> 4 materials"."""
+    files = [axis for axis in form.axes if axis.options == ("file",)]
+    name = str(files[0].values[0][0]) if form.cls.name == "file" and files else form.cls.name
+    parts = [_axis_in_words(form, axis) for axis in form.axes if axis not in files or form.cls.name != "file"]
+    if form.tune:
+        low, high = as_text(form.tune.low), as_text(form.tune.high)
+        parts.append(f"{form.tune.option} tuned for the least {form.tune.metric} in [{low}, {high}]")
+    text = f"{name}: {'; '.join(parts)}" if parts else name
+    return text if form.n_variants() == 1 else f"{text} -> {counted(form.n_variants(), form.noun)}"
+
+
+def _axis_in_words(form: "Form", axis: "Axis") -> str:
+    if len(axis.options) > 1:
+        together = [f"({', '.join(map(as_text, values))})" for values in axis.values]
+        return f"{' and '.join(axis.options)} together {_listed(together)}"
+    [option] = axis.options
+    values = [check(form.cls, option, value) for (value,) in axis.values]
+    if form.noun == "material" and len(schema_of(form.cls, option).get("prefixItems", [])) == 2:
+        return f"{option} {_widths_in_words(values)}"
+    return f"{option} {_listed([as_text(value) for (value,) in axis.values])}"
+
+
+def _widths_in_words(values: Sequence[Any]) -> str:
+    """Pairs along t and b: equal ones are an isotropic material, others one anisotropic material each."""
+    kinds = ["isotropic" if a == b else "anisotropic" for a, b in values]
+    if kinds == ["anisotropic"]:
+        return f"{as_text([*values[0]])} (one anisotropic material)"
+    groups = []
+    for kind, group in groupby(zip(kinds, values, strict=True), key=itemgetter(0)):
+        texts = [as_text(a) if a == b else as_text([a, b]) for _, (a, b) in group]
+        groups.append(f"{_listed(texts)} ({kind})")
+    return ", ".join(groups)
+
+
+def _listed(texts: Sequence[str]) -> str:
+    more = f" and {len(texts) - MAX_VALUES:,} more" if len(texts) > MAX_VALUES else ""
+    return ", ".join(texts[:MAX_VALUES]) + more
+
+
+def _first(lines: list[str]) -> list[str]:
+    return [*lines[:MAX_LINES], *([f"... and {len(lines) - MAX_LINES:,} more"] if len(lines) > MAX_LINES else [])]

@@ -1,0 +1,292 @@
+"""YAML with positions: plain data, and where in its file each key and each value stands."""
+
+import re
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, get_args
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from glossbench.errors import InputError, nearest
+from glossbench.rules import instead, rule_of
+from glossbench.study.yaml_hints import hint
+
+KeyPath = tuple[str | int, ...]
+MAX_BYTES = 1_000_000
+MAX_NODES = 100_000  # aliases count once for each use, so that a few lines cannot stand for gigabytes
+MAX_DEPTH = 64
+MAX_MESSAGE = 500
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a YAML file says, and where.
+
+    Attributes:
+        file: its name in messages.
+        data: the mapping at its top, as plain dictionaries, lists and scalars.
+        values: (line, column), from 1, of the value at a path of keys and indices.
+        keys: the same of the key that ends a path.
+    """
+
+    file: str
+    data: dict[str, Any] = field(default_factory=dict)
+    values: dict[KeyPath, tuple[int, int]] = field(default_factory=dict)
+    keys: dict[KeyPath, tuple[int, int]] = field(default_factory=dict)
+
+    def error(self, path: KeyPath, text: str, at_key: bool = False) -> InputError:
+        """InputError `FILE:LINE:COLUMN: text`, at a value or its key, or the nearest parent in the file."""
+        marks = self.keys if at_key and path in self.keys else self.values
+        while path and path not in marks:
+            path = path[:-1]
+        return _error(self.file, *marks.get(path, (1, 1)), text)
+
+    def validate(self, model: type[BaseModel], path: KeyPath = ()) -> Any:
+        """The model of the mapping at a path; InputError for the first thing wrong in it."""
+        value: Any = self.data
+        for part in path:
+            value = value[part]
+        if not isinstance(value, dict):
+            raise self.error(path, f"{path_text(path)} must be a mapping, got {value!r}")
+        try:
+            return model.model_validate(value)
+        except ValidationError as error:
+            wrong = error.errors()
+        unknown = [e for e in wrong if e["type"] == "extra_forbidden"]
+        if unknown:  # a misspelt key leaves two errors, an unknown one and a missing one; the first tells more
+            within = [e["loc"][-1] for e in unknown if e["loc"][:-1] == unknown[0]["loc"][:-1]]
+            known = _fields(model, unknown[0]["loc"][:-1])
+            raise self.unknown((*path, *unknown[0]["loc"][:-1]), "key", list(map(str, within)), known)
+        first = wrong[0]
+        at: KeyPath = (*path, *self._real(first["loc"], value))
+        if first["type"] == "missing":
+            parent = f"{path_text(at)}: " if at else ""
+            raise self.error(at, f"{parent}key {first['loc'][-1]!r} is required")
+        rule = rule_of(first)
+        raise self.error(at, f"{path_text(at)} {rule}{instead(rule, first['input'])}")
+
+    def unknown(self, path: KeyPath, what: str, names: list[str], known: Collection[str]) -> InputError:
+        """InputError for the names in the mapping at a path that are none of those known, all in one line."""
+        parent = f"{path_text(path)}: " if path else ""
+        told = [f"unknown {what} {names[0]!r}{_nearest(names[0], known)}"]
+        for name in names[1:]:
+            line, _ = self.keys.get((*path, name), (1, 1))
+            told.append(f"and {name!r} on line {line}{_nearest(name, known)}")
+        return self.error((*path, names[0]), parent + "; ".join(told), at_key=True)
+
+    @staticmethod
+    def _real(loc: tuple[int | str, ...], value: Any) -> KeyPath:
+        """A location without what is no key of the data: pydantic adds which of several types it tried."""
+        found: list[int | str] = []
+        for part in loc:
+            if isinstance(value, dict) and part in value:
+                found.append(part)
+                value = value[part]
+            elif isinstance(value, list | tuple) and isinstance(part, int) and part < len(value):
+                found.append(part)
+                value = value[part]
+        return tuple(found)
+
+
+def path_text(path: KeyPath) -> str:
+    """A path as a reader writes it: methods[0].regular_sampling.samples."""
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix(".")
+
+
+def read_document(path: Path) -> Document:
+    """The YAML file at a path; its top must be a mapping.
+
+    Scalars follow the core schema of YAML 1.2: 1e-3 is a number, yes and 12:30 are text. Keys are unique.
+
+    Raises:
+        InputError: unreadable, not YAML, or larger than MAX_BYTES, MAX_NODES, MAX_DEPTH.
+    """
+    file = str(path)
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():  # a pipe may never give a byte
+            raise InputError(f"cannot read the study {file!r}: it is a device or pipe")
+        with path.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"cannot read the study {file!r}: {error.strerror}") from None
+    if len(content) > MAX_BYTES:
+        raise _error(file, 1, 1, f"the file is larger than {MAX_BYTES} bytes")
+    root = _compose(file, _decode(file, content))
+    if root is None:
+        raise _error(file, 1, 1, "the file is empty")
+    document = Document(file)
+    if not isinstance(root, yaml.MappingNode):
+        kind = "a list" if isinstance(root, yaml.SequenceNode) else f"{root.value!r}"
+        raise _error(file, *_place(root.start_mark), f"the top must be a mapping of keys, got {kind}")
+    document.data.update(_Builder(document).build(root, ()))
+    return document
+
+
+def dump(data: Any) -> str:
+    """YAML text that read_document reads back as the same data."""
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
+
+
+def _error(file: str, line: int, column: int, text: str) -> InputError:
+    line_text = " ".join(text.split())
+    if len(line_text) > MAX_MESSAGE:
+        line_text = f"{line_text[:MAX_MESSAGE]}..."
+    return InputError(f"{file}:{line}:{column}: {line_text}")
+
+
+def _place(mark: Any) -> tuple[int, int]:
+    return mark.line + 1, mark.column + 1
+
+
+def _decode(file: str, content: bytes) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = content[: error.start].decode("utf-8", errors="replace")
+        raise _error(file, *_line_column(before), f"byte 0x{content[error.start]:02x} is not UTF-8") from None
+
+
+def _line_column(before: str) -> tuple[int, int]:
+    return before.count("\n") + 1, len(before) - before.rfind("\n")
+
+
+def _compose(file: str, text: str) -> Any:
+    try:
+        return yaml.compose(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        problem = error.problem or error.context or "not YAML"
+        lines = text.splitlines()
+        if mark.index < len(text) and text[mark.index] == "\t":
+            indents = not lines[mark.line][: mark.column].strip()
+            problem = "a tab cannot indent; use spaces" if indents else "a tab cannot stand here; use a space"
+        elif problem.startswith("could not find expected ':'"):  # which is seen only on a later line
+            mark = error.context_mark or mark
+        raise _error(file, *_place(mark), problem + hint(problem, lines, mark.line, mark.column)) from None
+    except yaml.reader.ReaderError as error:
+        bad = ord(error.character) if isinstance(error.character, str) else error.character
+        place = _line_column(text[: error.position])
+        raise _error(file, *place, f"character U+{bad:04X} is not allowed in YAML") from None
+    except RecursionError:
+        raise _error(file, 1, 1, f"the file is nested more than {MAX_DEPTH} levels deep") from None
+
+
+class _Builder:
+    """Turns composed nodes into plain data, and notes their positions in a document."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._n_nodes = 0
+
+    def build(self, node: yaml.Node, path: KeyPath) -> Any:
+        self._n_nodes += 1
+        self._document.values[path] = _place(node.start_mark)
+        if self._n_nodes > MAX_NODES:
+            raise self._document.error(path, f"more than {MAX_NODES} values, aliases counted at each use")
+        if len(path) > MAX_DEPTH:
+            raise self._document.error(path, f"more than {MAX_DEPTH} levels deep, or an alias inside itself")
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, path)
+        if isinstance(node, yaml.SequenceNode):
+            return [self.build(child, (*path, i)) for i, child in enumerate(node.value)]
+        return self._scalar(node)
+
+    def _mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            place = _place(key_node.start_mark)
+            parent = f"{path_text(path)}: " if path else ""
+            key = self._scalar(key_node) if isinstance(key_node, yaml.ScalarNode) else None
+            if not isinstance(key, str):
+                before = list(found.values())[-1:]
+                is_fraction = isinstance(key, int) and before and isinstance(before[0], int)
+                instead = f"; a number has a point and not a comma: {before[0]}.{key_node.value}" if is_fraction else ""
+                got = f"{parent}a key must be text, got {key_node.value!r:.40}{instead}"
+                raise _error(self._document.file, *place, got)
+            if key == "<<":
+                merged = (
+                    f"{parent}keys cannot be merged by <<; write them out, or an alias for a whole value, key: *name"
+                )
+                raise _error(self._document.file, *place, merged)
+            if key in found:
+                first = self._document.keys[(*path, key)][0]
+                raise _error(self._document.file, *place, f"{parent}key {key!r} is already on line {first}")
+            self._document.keys[(*path, key)] = place
+            found[key] = self.build(value_node, (*path, key))
+        return found
+
+    def _scalar(self, node: yaml.Node) -> Any:
+        tag = node.tag.removeprefix("tag:yaml.org,2002:")
+        place = _place(node.start_mark)
+        surrogate = next((c for c in node.value if "\ud800" <= c <= "\udfff"), None)
+        if surrogate:  # of an escape: no file, terminal or page could show it
+            raise _error(self._document.file, *place, f"U+{ord(surrogate):04X} is half a character")
+        if tag not in _SCALARS:
+            raise _error(self._document.file, *place, f"tag {node.tag!r} is not allowed")
+        try:
+            return _SCALARS[tag](node.value)
+        except ValueError:
+            zeros = f"; write {node.value.lstrip('0') or 0}, or 0o{node.value.lstrip('0')} for base 8"
+            instead = zeros if re.fullmatch(r"0[0-9]+", node.value) else ""
+            raise _error(self._document.file, *place, f"{node.value!r:.40} is no {tag}{instead}") from None
+
+
+def _fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
+    """The keys of the model that is nested in another one at a location."""
+    for part in loc:
+        if isinstance(part, str) and part in model.model_fields:
+            annotation = model.model_fields[part].annotation
+            model = next(c for c in (annotation, *get_args(annotation)) if isinstance(c, type))
+    return list(model.model_fields)
+
+
+def _nearest(name: str, known: Collection[str]) -> str:
+    """The hint for an unknown name; a colon without a space makes a name of a key and its value."""
+    key, colon, value = name.partition(":")
+    if colon and key in known:
+        return f"; a colon needs a space after it: {key}: {value}"
+    return nearest(name, known)
+
+
+def _int(text: str) -> int:
+    if re.fullmatch(r"[-+]?0[0-9]+", text):
+        raise ValueError("a number cannot begin with 0")
+    return int(text, {"0x": 16, "0o": 8}.get(text[:2], 10))
+
+
+def _float(text: str) -> float:
+    return float(re.sub(r"\.(inf|nan)", r"\1", text.lower()))
+
+
+_SCALARS: dict[str, Callable[[str], Any]] = {
+    "null": lambda text: None,
+    "bool": lambda text: text.lower() == "true",
+    "int": _int,
+    "float": _float,
+    "str": str,
+}
+_FLOAT = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
+_CORE = [  # YAML 1.2.2, chapter 10.3.2: the first pattern that fits gives the tag
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
+    ("float", _FLOAT, list("-+.0123456789")),
+]
+
+
+class _Loader(yaml.SafeLoader):
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  (PyYAML's own name and kind)
+
+
+class _Dumper(yaml.SafeDumper):
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+for _tag, _pattern, _starts in _CORE:
+    for _class in (_Loader, _Dumper):
+        _class.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), _starts)

@@ -1,0 +1,278 @@
+"""Sweeps: an item of a study with its lists, zip and tune -> the variants that it stands for."""
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import MISSING, fields
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from glossbench.brdf.measured_file import material_or_file
+from glossbench.catalog.locate import locate
+from glossbench.envmap.lights.light import file_or_name
+from glossbench.errors import InputError, nearest
+from glossbench.metrics import METRICS
+from glossbench.options import Options, check, option_names, schema_of
+from glossbench.plugin_errors import one_line, place_of
+from glossbench.rules import instead
+from glossbench.scene.mesh_view import view_or_file
+from glossbench.study.cells import Item, MethodItem, Tune
+from glossbench.study.document import Document, KeyPath, path_text
+from glossbench.study.schema import ENDINGS, REGISTRIES, TuneKeys
+
+# Of each kind that may be a file's bare name: what a word means.
+WORDS = {"light": file_or_name, "material": material_or_file, "view": view_or_file}
+
+
+class Axis(NamedTuple):
+    """Options that vary together, and the values that they take."""
+
+    options: tuple[str, ...]
+    values: list[tuple[Any, ...]]
+
+
+class Form:
+    """An item as the file states it: a class, the axes of its sweeps, a tuned option.
+
+    Args:
+        folder: of the study; files that it names may lie there.
+        seed: of the study; an option `seed` of a method that states none takes it.
+    """
+
+    def __init__(self, document: Document, kind: str, path: KeyPath, value: Any, folder: Path, seed: int) -> None:
+        self._document, self._kind, self._folder = document, kind, folder
+        name, stated, self.path, at = self._named(path, value)
+        if name not in REGISTRIES[kind].names():
+            text = f"{path_text(path)}: {_unknown(kind, name, stated)}"
+            raise document.error(at, text, at_key=at != path)
+        self.cls: type[Options] = REGISTRIES[kind].get(name)
+        self.tune: Tune | None = None
+        self.axes: list[Axis] = []
+        if not isinstance(stated, dict):
+            of_file = [option for option in option_names(self.cls) if self.cls.file_of(option, str(stated))]
+            hint = "".join(f"; write {name}: {_flow({option: stated})}" for option in of_file[:1])
+            raise document.error(at, f"{path_text(at)}: options must be a mapping, got {stated!r}{hint}")
+        self._stated = stated
+        self._require_known(self.path, [option for option in stated if option != "zip"])
+        for option, given in stated.items():
+            self._add(option, given)
+        options = [option for axis in self.axes for option in axis.options]
+        options += [self.tune.option] if self.tune else []
+        twice = next((option for option in options if options.count(option) > 1), None)
+        if twice:
+            text = f"{path_text(self.path)}: {twice!r} is in 'zip', too"
+            raise document.error((*self.path, twice), text, at_key=True)
+        self._follows_seed = kind == "methods" and "seed" in set(option_names(self.cls)) - set(options)
+        self._start: dict[str, Any] = {"seed": seed} if self._follows_seed else {}
+        if self.tune and not _has_default(self.cls, self.tune.option):
+            self._start[self.tune.option] = self.tune.low
+
+    @property
+    def noun(self) -> str:
+        """What one variant is: a light, material, view or method."""
+        return self._kind.removesuffix("s")
+
+    def n_variants(self) -> int:
+        return math.prod(len(axis.values) for axis in self.axes)
+
+    def variants(self) -> Iterator[Item]:
+        """The items that the form stands for, the last axis varying fastest."""
+        for values in product(*(axis.values for axis in self.axes)):
+            options = dict(self._start)
+            for axis, of_axis in zip(self.axes, values, strict=True):
+                options |= dict(zip(axis.options, of_axis, strict=True))
+            try:
+                complete = self.cls.create(options).as_dict()
+                json.dumps(complete)  # as a plug-in's own may not be
+            except ValueError as error:
+                text = str(error).removeprefix(self.cls.name)
+                text = f": {text}" if text == str(error) else text
+                raise self._document.error(self.path, f"{path_text(self.path)}{text}") from error
+            except (Exception, SystemExit) as error:  # of a plug-in's constructor
+                place = f" ({found})" if (found := place_of(error)) else ""
+                text = f"{path_text(self.path)} cannot be made: {one_line(error)}{place}"
+                raise self._document.error(self.path, text) from error
+            if self._kind == "methods":
+                yield MethodItem(self.cls.name, complete, self.tune, self._follows_seed)
+            else:
+                yield Item(self.cls.name, complete)
+
+    def open_files(self) -> None:
+        """Read all files that the items name.
+
+        Raises:
+            InputError: at what names a file that cannot be read, or does not hold what it should.
+        """
+        for item in self.variants():
+            files = [o for o, v in item.options.items() if isinstance(v, str) and self.cls.file_of(o, v)]
+            for option in files[:1]:
+                try:
+                    self.cls.create(item.options).open_files()
+                except InputError as error:
+                    path = self._place(option, item.options[option])
+                    raise self._document.error(path, f"{path_text(path)}: {error}") from error
+
+    def _place(self, option: str, file: str) -> KeyPath:
+        """Where the study names a file."""
+        given = self._stated.get(option)
+        listed = given if isinstance(given, list) else []
+        at = [i for i, each in enumerate(listed) if isinstance(each, str) and file.endswith(each)]
+        return (*self.path, option, *at[:1])
+
+    def _named(self, path: KeyPath, value: Any) -> tuple[str, Any, KeyPath, KeyPath]:
+        """Name, options, the path of the options, and the path of the name."""
+        if isinstance(value, str):
+            name, options = WORDS[self._kind](value) if self._kind in WORDS else (value, {})
+            return name, options, path, path
+        if isinstance(value, dict) and self._kind == "light" and "file" in value:
+            if len(value) > 1 or not isinstance(value["file"], dict | None):
+                return "file", value, path, path
+        if not isinstance(value, dict) or len(value) != 1:
+            got = f"the keys {', '.join(map(repr, value))}" if isinstance(value, dict) else repr(value)
+            text = f"{path_text(path)} must be a name, or one name with its options below it, got {got}"
+            raise self._document.error(path, text + self._instead_of_keys(value))
+        [(name, options)] = value.items()
+        options = {} if options is None else options
+        meant, more = WORDS[self._kind](name) if self._kind in WORDS else (name, {})
+        if more and isinstance(options, dict):
+            name, options = meant, {**more, **options}
+        return name, options, (*path, next(iter(value))), (*path, next(iter(value)))
+
+    def _instead_of_keys(self, value: Any) -> str:
+        """What to write instead of several keys: options are indented deeper, and items begin with a dash."""
+        names = REGISTRIES[self._kind].names()
+        if not isinstance(value, dict) or next(iter(value), None) not in names:
+            return ""
+        first, *others = value
+        if all(other in names for other in others):
+            return f"; begin each {self.noun} with a dash"
+        options = [*option_names(REGISTRIES[self._kind].get(first)), "zip"]
+        inside = next((other for other in others if other in options), None)
+        return f"; indent {inside!r} deeper than {first!r}" if inside else ""
+
+    def _add(self, option: str, given: Any) -> None:
+        path = (*self.path, option)
+        if option == "zip":
+            self.axes.append(self._zipped(path, given))
+            return
+        if isinstance(given, dict) and "tune" in given:
+            self.tune = self._tuned(path, option)
+            return
+        if self._accepts(option, given) or not self._sweeps(option, given):
+            values = [self._checked(path, option, given)]
+        else:
+            values = self._each(path, option, given)
+        self.axes.append(Axis((option,), [(value,) for value in values]))
+
+    def _takes_fractions(self, option: str) -> bool:
+        """Whether its values are numbers that need not be whole: a search steps between the ends of a range."""
+        stated = schema_of(self.cls, option)
+        return any(branch.get("type") == "number" for branch in (stated, *stated.get("anyOf", [])))
+
+    def _sweeps(self, option: str, given: Any) -> bool:
+        """Whether a value that the option does not accept is a sweep; of an option that takes a list, one of lists."""
+        of_any_length = "items" in schema_of(self.cls, option)
+        return isinstance(given, list) and (not of_any_length or any(isinstance(value, list) for value in given))
+
+    def _accepts(self, option: str, value: Any) -> bool:
+        try:
+            check(self.cls, option, value)
+        except InputError:
+            return False
+        return True
+
+    def _checked(self, path: KeyPath, option: str, value: Any) -> Any:
+        """A value that the option accepts; a file that lies beside the study, with its whole path."""
+        try:
+            check(self.cls, option, value)
+        except InputError as error:
+            rule = str(error).removeprefix(f"{self.cls.name}.{option}")
+            rule += instead(rule, value)
+            if isinstance(value, dict) and self._kind == "methods":
+                rule += "; to tune it write {tune: METRIC, range: [low, high]} in place of its whole value"
+            raise self._document.error(path, f"{path_text(path)}{rule}") from error
+        kind = self.cls.file_of(option, value) if isinstance(value, str) else None
+        if kind is None:
+            return value
+        try:
+            found = locate(value, self._folder, kind)
+        except InputError as error:
+            raise self._document.error(path, f"{path_text(path)}: {error}") from error
+        return str(found) if found == self._folder / value else value
+
+    def _each(self, path: KeyPath, option: str, values: list[Any]) -> list[Any]:
+        if not values:
+            raise self._document.error(path, f"{path_text(path)} sweeps an empty list")
+        return [self._checked((*path, i), option, value) for i, value in enumerate(values)]
+
+    def _zipped(self, path: KeyPath, given: Any) -> Axis:
+        if not isinstance(given, dict) or not given or not all(isinstance(v, list) for v in given.values()):
+            raise self._document.error(path, f"{path_text(path)} must map options to lists, got {given!r}")
+        self._require_known(path, list(given))
+        lengths = [len(values) for values in given.values()]
+        if len(set(lengths)) > 1:
+            told = ", ".join(f"{option} has {n}" for option, n in zip(given, lengths, strict=True))
+            raise self._document.error(path, f"{path_text(path)} pairs lists of one length, but {told}")
+        columns = [self._each((*path, option), option, values) for option, values in given.items()]
+        return Axis(tuple(given), list(zip(*columns, strict=True)))
+
+    def _tuned(self, path: KeyPath, option: str) -> Tune:
+        where = path_text(path)
+        if self._kind != "methods" or self.tune is not None:
+            why = "only one option of an item" if self._kind == "methods" else "only an option of a method"
+            raise self._document.error(path, f"{where}: {why} can be tuned")
+        model = self._document.validate(TuneKeys, path)
+        if not self._takes_fractions(option):
+            text = f"{where}: only an option that takes fractions can be tuned; sweep this one: a list of its values"
+            raise self._document.error(path, text)
+        if model.tune not in METRICS.names():
+            text = f"{where}.tune: unknown metric {model.tune!r}{nearest(model.tune, METRICS.names())}"
+            raise self._document.error((*path, "tune"), text)
+        if not METRICS.get(model.tune).lower_is_better:
+            text = f"{where}.tune: {model.tune} is higher for better images; tune an error"
+            raise self._document.error((*path, "tune"), text)
+        bounds = model.range or _bounds(self.cls, option)
+        if bounds is None:
+            text = f"{where} has no bounds to tune between; state range: [low, high]"
+            raise self._document.error(path, text)
+        low, high = map(float, bounds)
+        if not low < high:
+            raise self._document.error((*path, "range"), f"{where}.range must be [low, high], low first, got {bounds}")
+        for value in (low, high):
+            self._checked((*path, "range"), option, value)
+        return Tune(option, model.tune, low, high)
+
+    def _require_known(self, path: KeyPath, options: list[str]) -> None:
+        known = option_names(self.cls)
+        if unknown := [option for option in options if option not in known]:
+            raise self._document.unknown(path, "option", unknown, known)
+
+
+def _unknown(kind: str, name: str, stated: Any) -> str:
+    """What to say of a name that is none of a kind: how a file is written, how files of the kind end, or a name."""
+    if isinstance(stated, str) and kind in WORDS:
+        meant, option = WORDS[kind](stated)
+        if option:
+            return f"{REGISTRIES[kind].unknown(name).partition(';')[0]}; write {stated}, or {meant}: {_flow(option)}"
+    if ENDINGS.get(kind) and Path(name).suffix:
+        return f"unknown {kind} {name!r}; a file that is a {kind} ends in {', '.join(ENDINGS[kind])}"
+    return REGISTRIES[kind].unknown(name)
+
+
+def _flow(options: dict[str, Any]) -> str:
+    return f"{{{', '.join(f'{key}: {value}' for key, value in options.items())}}}"
+
+
+def _bounds(cls: type[Options], option: str) -> list[float] | None:
+    """The bounds, themselves allowed, that the annotation of a number states."""
+    stated = schema_of(cls, option)
+    for branch in (stated, *stated.get("anyOf", [])):
+        if "minimum" in branch and "maximum" in branch:
+            return [branch["minimum"], branch["maximum"]]
+    return None
+
+
+def _has_default(cls: type[Options], option: str) -> bool:
+    stated = next(f for f in fields(cls) if f.name == option)  # type: ignore[arg-type]
+    return stated.default is not MISSING or stated.default_factory is not MISSING

@@ -1,0 +1,196 @@
+"""What a study may say: its keys with their types and bounds, and all of it as JSON Schema for editors."""
+
+import re
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from glossbench.brdf.material import MATERIALS
+from glossbench.brdf.measured_file import FORMATS
+from glossbench.documentation import attributes, first_line
+from glossbench.envmap.lights.light import LIGHTS
+from glossbench.metrics import METRICS
+from glossbench.options import Finite, Options, Seed, json_schema
+from glossbench.registry import Registry
+from glossbench.scene.mesh_files import READERS
+from glossbench.scene.points import VIEWS
+from glossbench.shading.method import METHODS
+from glossbench.study.claims import KINDS, Name, Names
+from glossbench.study.shared_schema import shared
+from glossbench.truth.reference import FIRST_SAMPLES, N_REPLICATES
+
+REGISTRIES: dict[str, Registry[Any]] = {
+    "light": LIGHTS,
+    "material": MATERIALS,
+    "view": VIEWS,
+    "methods": METHODS,
+}
+# Of each kind that may be a file's bare name: how such files end; an image's ending says only that it is one.
+ENDINGS = {"light": (), "material": (*FORMATS, ".fit"), "view": tuple(READERS)}
+MAX_ENTRIES = 1000  # of claims and exclude: each is compared with every cell
+
+
+class ReferenceOptions(BaseModel):
+    """How the truth is computed.
+
+    Attributes:
+        relative_error: RMS of its standard error over its mean, at which it is good enough.
+        seed: of its scrambles; where it is not stated, the study's.
+        max_samples: per pixel and technique, at which it stops in any case.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    relative_error: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1e-3
+    seed: Seed = 0
+    max_samples: Annotated[int, Field(ge=N_REPLICATES * FIRST_SAMPLES)] = 1 << 16
+
+    def with_seed(self, seed: int) -> Self:
+        """The options under another seed of their study."""
+        if "seed" in self.model_fields_set:
+            return self
+        return self.model_construct(self.model_fields_set, **{**self.model_dump(), "seed": seed})
+
+
+def _module(name: str) -> str:
+    if name.endswith(".py"):
+        raise ValueError(f"must be the dotted name of a module, without .py: {name.removesuffix('.py')}")
+    if not all(part.isidentifier() for part in name.split(".")):
+        raise ValueError("must be the dotted name of a module, such as my_lab.my_method")
+    return name
+
+
+class StudyKeys(BaseModel):
+    """The keys of a study; what is in an item depends on its name.
+
+    Attributes:
+        title: of the study, one line.
+        source: the paper, figure or table that it reproduces.
+        question: what it asks, as its report prints it.
+        light: a light, or a list of them: an image file, a name, or a name with its options.
+        material: a material, or a list of them: a name, or a name with its options.
+        view: what is seen, or a list of them: a name, or a name with its options.
+        methods: a method, or a list of them: a name, or a name with its options.
+        reference: how the truth is computed.
+        metrics: errors that are measured, a name or a list of names.
+        claims: sentences that are checked, each with the cells that it is about.
+        exclude: mappings of light, material, view, method or an option to a value; cells that fit all of one are left
+            out.
+        seed: of the reference, and of methods that state none.
+        device: where methods are computed.
+        time_limit: seconds that a cell may take, its reference not counted; one that takes longer has failed.
+        plugins: modules that register methods, materials, lights, views or metrics: installed, or beside this file.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    title: Name
+    source: str = ""
+    question: str = ""
+    light: Any
+    material: Any
+    view: Any
+    methods: Any
+    reference: ReferenceOptions = ReferenceOptions()
+    metrics: Annotated[Names, Field(min_length=1)] = ["rms", "relative_rms", "mean_error", "max_error"]
+    claims: Annotated[list[Any], Field(max_length=MAX_ENTRIES)] = []
+    exclude: Annotated[list[dict[str, Any]], Field(max_length=MAX_ENTRIES)] = []
+    seed: Seed = 0
+    device: Literal["cpu", "cuda"] = "cpu"
+    time_limit: Annotated[float, Field(gt=0, le=1e7)] = 3600.0
+    plugins: list[Annotated[str, AfterValidator(_module)]] = []
+
+
+class TuneKeys(BaseModel):
+    """What stands in place of an option's value that is to be searched for.
+
+    Attributes:
+        tune: the error that is made least.
+        range: [low, high], between which is searched; by default the bounds of the option.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    tune: str
+    range: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of a study, with the options of every registered light, material, view and method."""
+    top = _of_model(StudyKeys)
+    for kind, registry in REGISTRIES.items():
+        item = _item_schema(kind, registry)
+        either = [item, {"type": "array", "items": item, "minItems": 1}]
+        top["properties"][kind] = {"description": top["properties"][kind]["description"], "anyOf": either}
+    top["properties"]["claims"]["items"] = {"anyOf": [_of_model(model) for model in KINDS.values()]}
+    names = METRICS.names()
+    top["properties"]["metrics"]["anyOf"] = [
+        {"enum": names},
+        {"type": "array", "items": {"enum": names}, "minItems": 1},
+    ]
+    definitions: dict[str, Any] = {}
+    top = _hoisted(top, definitions)
+    schema_of = "https://json-schema.org/draft/2020-12/schema"
+    return shared({"$schema": schema_of, **top, "title": "glossbench study", "$defs": definitions})
+
+
+def _of_model(model: type[BaseModel]) -> dict[str, Any]:
+    """The schema of a model, each key with what its docstring says of it."""
+    stated = model.model_json_schema()
+    for of, own in ((model, stated), (ReferenceOptions, stated.get("$defs", {}).get("ReferenceOptions", {}))):
+        texts = attributes(of)
+        for key, value in own.get("properties", {}).items():
+            value.pop("title", None)
+            if key in texts:
+                value["description"] = texts[key]
+        if own:
+            own["description"] = first_line(of)
+    return stated
+
+
+def _hoisted(stated: Any, definitions: dict[str, Any]) -> Any:
+    """A schema whose nested definitions have moved to where its references look for them."""
+    if isinstance(stated, list):
+        return [_hoisted(one, definitions) for one in stated]
+    if not isinstance(stated, dict):
+        return stated
+    definitions |= {name: _hoisted(one, definitions) for name, one in stated.get("$defs", {}).items()}
+    return {key: _hoisted(value, definitions) for key, value in stated.items() if key != "$defs"}
+
+
+def _item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
+    """A name, or one name with options; a light, material or view may be a file."""
+    options = {name: _options_schema(registry.get(name), kind == "methods") for name in registry.names()}
+    named = {name: {"anyOf": [of_name, {"type": "null"}]} for name, of_name in options.items()}
+    one = {
+        "type": "object",
+        "properties": named,
+        "additionalProperties": False,
+        "minProperties": 1,
+        "maxProperties": 1,
+    }
+    if kind in ENDINGS:
+        file = f"({'|'.join(map(re.escape, ENDINGS[kind]))})$" if ENDINGS[kind] else r"\.\w+$"
+        one["patternProperties"] = {file: {"type": ["object", "null"]}}
+    if kind == "light":
+        return {"anyOf": [{"type": "string"}, {**options["file"], "required": ["file"]}, one]}
+    bare = [{"type": "string", "pattern": file}] if kind in ENDINGS else []
+    return {"anyOf": [{"enum": registry.names()}, one, *bare]}
+
+
+def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
+    """Each option takes a value or a list of values, and a method's number may be tuned."""
+    stated, texts = json_schema(cls), attributes(cls)
+    properties: dict[str, Any] = {}
+    lists: dict[str, Any] = {}
+    for option, value in stated["properties"].items():
+        beside = {"default": value.pop("default")} if "default" in value else {}
+        if option in texts:
+            beside["description"] = texts[option]
+        # A scalar stands for equal components of a vector.
+        forms = [value, *value.get("prefixItems", [])[:1]]
+        lists[option] = {"type": "array", "items": {"anyOf": forms}, "minItems": 1}
+        tuned = [_of_model(TuneKeys)] if tunable else []
+        properties[option] = {"anyOf": [*forms, lists[option], *tuned], **beside}
+    properties["zip"] = {
+        "type": "object", "properties": lists, "additionalProperties": False,
+        "description": "lists of one length, whose first values go together, then the second, and so on",
+    }  # fmt: skip
+    return {**stated, "description": first_line(cls), "properties": properties}

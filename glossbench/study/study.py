@@ -1,0 +1,246 @@
+"""Studies: a YAML file -> a checked Study -> the cells to be run."""
+
+import math
+import os
+from collections.abc import Collection
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import compress, product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from glossbench.catalog.locate import locate
+from glossbench.envmap.lights.light import FileLight, light_named
+from glossbench.errors import InputError, nearest
+from glossbench.metrics import METRICS
+from glossbench.plugins import import_plugin
+from glossbench.process.plugin_imports import loading
+from glossbench.process.state import is_foreign
+from glossbench.study.cell_index import CellIndex, Mask
+from glossbench.study.cells import Cell, Item, MethodItem
+from glossbench.study.checked_claims import checked_claims, checked_exclude
+from glossbench.study.claims import Claim, methods_of
+from glossbench.study.document import Document, KeyPath, path_text, read_document
+from glossbench.study.expand import Form
+from glossbench.study.installed import study_files
+from glossbench.study.schema import REGISTRIES, ReferenceOptions, StudyKeys
+
+MAX_CELLS = 100_000
+ENDINGS = (".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class Study:
+    """A question, and all that is compared to answer it; the name of the file does not count in ==.
+
+    Attributes:
+        exclude: mappings of light, material, view, method or an option to a value; what fits is left out.
+        time_limit: seconds that a cell may take, its reference not counted.
+        name: of its file, without the ending.
+        folder: of its file.
+    """
+
+    title: str
+    source: str
+    question: str
+    lights: tuple[Item, ...]
+    materials: tuple[Item, ...]
+    views: tuple[Item, ...]
+    methods: tuple[MethodItem, ...]
+    reference: ReferenceOptions
+    metrics: tuple[str, ...]
+    claims: tuple[Claim, ...]
+    exclude: tuple[dict[str, Any], ...]
+    seed: int
+    device: str
+    time_limit: float
+    plugins: tuple[str, ...]
+    name: str = field(compare=False)
+    folder: Path = field(compare=False)
+
+    def with_seed(self, seed: int) -> "Study":
+        """The study with another seed, which all takes that has no stated one: the reference, and methods.
+
+        Raises:
+            InputError: a seed below 0 or of more than 32 bits, one that an option does not take, or that makes two
+                methods the same.
+        """
+        if not 0 <= seed < 1 << 32:
+            raise InputError(f"seed must be {f'less than {1 << 32}' if seed > 0 else 'at least 0'}, got {seed}")
+        methods = tuple(item.with_seed(seed) for item in self.methods)
+        if len({(item.name, item.json) for item in methods}) < len(methods):
+            raise InputError(f"seed {seed} is the one that a method of the study states, which is then there twice")
+        return replace(self._comparing(methods), seed=seed, reference=self.reference.with_seed(seed))
+
+    def only(self, names: Collection[str]) -> "Study":
+        """The study of some of its methods; InputError for a name that it does not have."""
+        known = {item.name for item in self.methods}
+        for name in names:
+            if name not in known:
+                raise InputError(f"the study has no method {name!r}{nearest(name, known)}")
+        return self._comparing(tuple(item for item in self.methods if item.name in names))
+
+    def _comparing(self, methods: tuple[MethodItem, ...]) -> "Study":
+        """The study of these methods, without the exclusions and claims that are about others."""
+        every = replace(self, methods=methods).index
+        fits = [every.excluded(entry) for entry in self.exclude]
+        if fits and np.logical_or.reduce(fits).all():
+            raise InputError("exclude leaves no cell")
+        exclude = tuple(entry for entry, excluded in zip(self.exclude, fits, strict=True) if excluded.any())
+        names = {item.name for item in methods}
+        claims = tuple(claim for claim in self.claims if names.issuperset(methods_of(claim)))
+        return replace(self, methods=methods, exclude=exclude, claims=claims)
+
+    def cells(self) -> list[Cell]:
+        """Every light x material x view x method in this order, but those excluded."""
+        every = product(self.lights, self.materials, self.views, self.methods)
+        return [Cell(*items) for items in compress(every, self.kept)]
+
+    @cached_property
+    def kept(self) -> Mask:
+        """Which of all combinations no entry of `exclude` leaves out."""
+        kept = np.ones(len(self.index.codes["method"]), bool)
+        for entry in self.exclude:
+            kept &= ~self.index.excluded(entry)
+        return kept
+
+    def has_device(self) -> bool:
+        """Whether this machine has the device."""
+        return self.device == "cpu" or torch.cuda.is_available()
+
+    @cached_property
+    def index(self) -> CellIndex:
+        """All combinations of its items, a tuned option as the study states it."""
+        kinds = {"light": self.lights, "material": self.materials, "view": self.views, "method": self.methods}
+        return CellIndex.product({kind: [(i.name, i.spelled()) for i in items] for kind, items in kinds.items()})
+
+    def resolved(self) -> dict[str, Any]:
+        """The study as plain data, everything spelled out; its YAML loads as an equal study."""
+        return {
+            "title": self.title, "source": self.source, "question": self.question,
+            "light": [{item.name: item.spelled()} for item in self.lights],
+            "material": [{item.name: item.spelled()} for item in self.materials],
+            "view": [{item.name: item.spelled()} for item in self.views],
+            "methods": [{item.name: item.spelled()} for item in self.methods],
+            "reference": self.reference.model_dump(),
+            "metrics": list(self.metrics),
+            "claims": [claim.model_dump(mode="json", exclude_none=True) for claim in self.claims],
+            "exclude": [dict(entry) for entry in self.exclude],
+            "seed": self.seed, "device": self.device, "time_limit": self.time_limit, "plugins": list(self.plugins),
+        }  # fmt: skip
+
+
+def load_study(name_or_path: str | Path, light: str | None = None, open_files: bool = False) -> Study:
+    """The study at a path that ends in .yaml, or the installed study of a name.
+
+    Args:
+        light: takes the place of the study's lights: an image file, or a light's name.
+        open_files: read all files that it names, too: images, meshes, measurements.
+
+    Raises:
+        InputError: the study cannot be read, or is wrong; one line that begins with FILE:LINE:COLUMN.
+    """
+    return study_with_forms(name_or_path, light, open_files)[0]
+
+
+def study_with_forms(
+    name_or_path: str | Path, light: str | None = None, open_files: bool = False
+) -> tuple[Study, dict[str, list[Form]]]:
+    """The study as `load_study` has it, and its items as the file states them."""
+    path = _path_of(name_or_path)
+    document = read_document(path)
+    model = document.validate(StudyKeys)
+    for i, plugin in enumerate(model.plugins):
+        try:
+            with loading(f"plugin {plugin!r}", model.time_limit):
+                import_plugin(plugin, path.absolute().parent)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plug-in is anyone's code
+            kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+            text = f"plugin {plugin!r}: {kind}{error}"
+            raise document.error(("plugins", i), text) from error
+    if light is not None:
+        if isinstance(light_named(light, {}), FileLight):
+            locate(light)
+        document = replace(document, data={**document.data, "light": light})
+    folder = path.absolute().parent
+    forms = {
+        kind: [Form(document, kind, p, v, folder, model.seed) for p, v in _entries(document, kind)]
+        for kind in REGISTRIES
+    }
+    n_cells = math.prod(sum(form.n_variants() for form in of_kind) for of_kind in forms.values())
+    if n_cells > MAX_CELLS:
+        raise document.error(("methods",), f"the study has {n_cells} cells, more than {MAX_CELLS}", at_key=True)
+    if open_files:
+        for form in (form for of_kind in forms.values() for form in of_kind):
+            form.open_files()
+    for i, metric in enumerate(model.metrics):
+        if metric not in METRICS.names():
+            raise document.error(
+                ("metrics", i), f"metrics: unknown metric {metric!r}{nearest(metric, METRICS.names())}"
+            )
+        if metric in model.metrics[:i]:
+            raise document.error(("metrics", i), f"metrics: {metric!r} is listed twice")
+    study = Study(
+        title=model.title, source=model.source, question=model.question,
+        lights=_items(document, forms["light"], model.time_limit),
+        materials=_items(document, forms["material"], model.time_limit),
+        views=_items(document, forms["view"], model.time_limit),
+        methods=_items(document, forms["methods"], model.time_limit),
+        reference=model.reference.with_seed(model.seed), metrics=tuple(model.metrics),
+        claims=(), exclude=tuple(model.exclude),
+        seed=model.seed, device=model.device, time_limit=model.time_limit, plugins=tuple(model.plugins),
+        name=path.stem, folder=folder,
+    )  # fmt: skip
+    study = replace(study, exclude=checked_exclude(document, study, any_light=light is not None))
+    return replace(study, claims=checked_claims(document, study, any_light=light is not None)), forms
+
+
+def _path_of(name_or_path: str | Path) -> Path:
+    if isinstance(name_or_path, Path) or Path(name_or_path).suffix in ENDINGS:
+        return _with_hint(Path(name_or_path))
+    installed = study_files()
+    if name_or_path in installed:
+        return installed[name_or_path]
+    beside = next((f"{name_or_path}{end}" for end in ENDINGS if os.path.isfile(f"{name_or_path}{end}")), None)
+    hint = f"; did you mean {beside!r}?" if beside else nearest(name_or_path, installed)
+    if os.path.isfile(name_or_path):
+        hint = f"; the file of that name is no study: one ends in {' or '.join(ENDINGS)}"
+    raise InputError(f"unknown study {name_or_path!r}{hint}")
+
+
+def _with_hint(path: Path) -> Path:
+    """The path; InputError with the nearest study beside it where there is no such file but one of nearly its name."""
+    if not os.path.lexists(path) and path.parent.is_dir():
+        files = [file.name for file in path.parent.iterdir() if file.suffix in ENDINGS]
+        if "did you mean" in (hint := nearest(path.name, files)):
+            raise InputError(f"cannot read the study {str(path)!r}: No such file or directory{hint}")
+    return path
+
+
+def _entries(document: Document, kind: str) -> list[tuple[KeyPath, Any]]:
+    """The items of one kind as the file states them, with their paths."""
+    value = document.data[kind]
+    if value == []:
+        raise document.error((kind,), f"{kind} needs at least one item")
+    return [((kind, i), v) for i, v in enumerate(value)] if isinstance(value, list) else [((kind,), value)]
+
+
+def _items(document: Document, forms: list[Form], time_limit: float) -> tuple[Any, ...]:
+    """All items of one kind; InputError for one that is there twice: claims would count it twice."""
+    found: dict[tuple[str, str], Item] = {}
+    for form in forms:
+        with loading(form.cls.name, time_limit) if is_foreign(form.cls) else nullcontext():
+            variants = list(form.variants())
+        for item in variants:
+            key = (item.name, item.json)
+            if key in found:
+                text = f"{path_text(form.path)} states the same twice: {item.name} {item.json}"
+                raise document.error(form.path, text)
+            found[key] = item
+    return tuple(found.values())

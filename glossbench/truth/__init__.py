@@ -1,0 +1,1 @@
+"""The reference: converged images with a measured noise."""

@@ -1,0 +1,223 @@
+"""The converged truth, with its own error bar: multiple importance sampling of material and light, never a MIP level.
+
+Lo(wo) = integral of L(wi) f(wo, wi) cos_i dwi, L the bilinear interpolant of the light's texels. Techniques: the
+light's luminance, each lobe's sampler, and the cosine for a diffuse part. Each draws N points of its own scrambled
+Sobol sequence, and all are weighted by the balance heuristic (Veach 1997 eq. 9.8): every sample contributes
+f L cos_i V / (N sum of all pdfs). V is 1, and 0 where the scene hides the light: a direction that hits the surface
+again is black, whatever is seen there. Replicates with independent scrambles give each pixel its standard error; all
+sequences are extended together until the image's noise is under the target.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+from torch.quasirandom import SobolEngine
+
+from glossbench.brdf.material import Material, Reflectance
+from glossbench.channels import Channels, add
+from glossbench.directions import Vec3, cosine_hemisphere, to_local, to_world
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.importance import LightDistribution, luminance_distribution
+from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
+from glossbench.errors import InputError, check_call
+from glossbench.process.surroundings import settled
+from glossbench.scene.points import Occluder, ShadingPoints, View, image_of
+from glossbench.shading.kernels import over_points
+from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.truth.checkpoint import Checkpoint
+
+N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
+FIRST_SAMPLES = 64  # of each replicate and technique
+# A round of so many point-sample pairs is fused: eagerly it takes 6 s, compiling its kernels some 30 s once, but the
+# next rounds take twice and four times as long, and a study's other references find the kernels compiled.
+FUSE_ABOVE = 1 << 26
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The truth of a light, a material and a view.
+
+    Attributes:
+        radiance: (H, W, 3), float64, zero outside the mask.
+        standard_error: of each pixel and channel, (H, W, 3), float64.
+        mask: (H, W), true where the surface is seen.
+        n_samples: a pixel, over all replicates and techniques.
+    """
+
+    radiance: Tensor
+    standard_error: Tensor
+    mask: Tensor
+    n_samples: int
+
+    @property
+    def noise(self) -> float:
+        """Root mean square of the standard error over pixels and channels: the RMS that a perfect image would show."""
+        return float(self.standard_error[self.mask].square().mean().sqrt())
+
+    @property
+    def mean(self) -> float:
+        """Mean radiance of the surface."""
+        return float(self.radiance[self.mask].mean())
+
+
+class LightSamples(NamedTuple):
+    """Directions (1, N), their radiance (N, 3) and pdf (1, N)."""
+
+    direction: Vec3
+    radiance: Tensor
+    pdf: Tensor
+
+
+class Tables(NamedTuple):
+    """What all techniques share; the occluder is None where the scene hides no light."""
+
+    reflectance: Reflectance
+    distribution: LightDistribution
+    texels: Pyramid
+    occluder: Occluder | None
+
+
+@settled()
+def compute_reference(
+    light: CubeMap,
+    material: Material,
+    view: View,
+    relative_error: float = 1e-3,
+    max_samples: int = 1 << 16,
+    seed: int = 0,
+    progress: Callable[[float, int], None] | None = None,
+    checkpoint: Path | None = None,
+) -> Reference:
+    """The converged image of a material under a light.
+
+    Args:
+        relative_error: target of noise over mean radiance; a black image is done at once.
+        max_samples: of a pixel and technique, over all replicates; the noise then is what it is.
+        seed: of the scrambles.
+        progress: called after each doubling with the relative noise and the samples a pixel so far.
+        checkpoint: a folder for the sums so far, saved every ten seconds; a killed call that is made again goes on
+            from them to the same bytes, and the last removes them.
+
+    Raises:
+        InputError: relative_error not positive, max_samples below the first round's.
+    """
+    check_call("reference", light=(light, CubeMap), material=(material, Material), view=(view, View))
+    if not relative_error > 0:
+        raise InputError(f"reference.relative_error must be above 0, got {relative_error!r}")
+    if max_samples < N_REPLICATES * FIRST_SAMPLES:
+        raise InputError(f"reference.max_samples must be at least {N_REPLICATES * FIRST_SAMPLES}, got {max_samples!r}")
+    device = str(light.faces.device)
+    points = view.points().to(device)
+    occluder = occluder_of(view.scene())
+    reflectance = material.reflectance(device)
+    tables = Tables(reflectance, luminance_distribution(light), finest(light), occluder)
+    n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
+    sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=device)
+    done = [0] * N_REPLICATES
+    kept = Checkpoint.of(checkpoint, light.faces, material.key(), points, getattr(occluder, "key", ""), seed, device)
+    kept.load(sums, done)
+    engines = [
+        [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]
+        for r in range(N_REPLICATES)
+    ]
+    for n, sequences in zip(done, engines, strict=True):
+        for engine in sequences:
+            engine.fast_forward(n)
+    n = max(FIRST_SAMPLES, *done)
+    while True:
+        for r, sequences in enumerate(engines):
+            if done[r] < n:
+                new = n - done[r]
+                fuse = len(points) * new * N_REPLICATES * n_techniques >= FUSE_ABOVE
+                u = [_open(engine.draw(new)).to(device) for engine in sequences]
+                sums[r] += _round(points, tables, u, fuse)
+                done[r] = n
+                kept.save(sums, done)
+        mean = sums.mean(0) / n
+        error = (sums / n).std(0) / N_REPLICATES**0.5
+        noise, level = float(error.square().mean().sqrt()), float(mean.mean())
+        n_samples = n * N_REPLICATES * n_techniques
+        if progress is not None:
+            progress(noise / level if level > 0 else 0.0, n_samples)
+        if noise <= relative_error * level or 2 * n * N_REPLICATES > max_samples:
+            kept.remove()
+            mask = view.mask()
+            return Reference(image_of(mask, mean), image_of(mask, error), mask, n_samples)
+        n *= 2
+
+
+def estimates(light: CubeMap, material: Material, points: ShadingPoints, n_samples: int, seed: int) -> Tensor:
+    """One replicate: radiance (P, 3), float64, by so many samples a technique, where nothing hides the light."""
+    reflectance = material.reflectance(points.device)
+    tables = Tables(reflectance, luminance_distribution(light), finest(light), None)
+    n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
+    engines = [SobolEngine(2, scramble=True, seed=seed * 64 + k) for k in range(n_techniques)]
+    u = [_open(engine.draw(n_samples)).to(points.device) for engine in engines]
+    return _round(points, tables, u, len(points) * n_samples * n_techniques >= FUSE_ABOVE) / n_samples
+
+
+def _round(points: ShadingPoints, tables: Tables, u: list[Tensor], fuse: bool) -> Tensor:
+    """Sum over one round of samples of every technique, (P, 3), float64."""
+    n = u[0].shape[0]
+    d, pdf = tables.distribution.sample(u[0])
+    lights = LightSamples(Vec3(*(c[None] for c in d)), lookup(tables.texels, d), pdf[None])
+    total = over_points(_from_light, points, n, tables, lights, fuse=fuse).double()
+    for k, lobe in enumerate(tables.reflectance.lobes):
+        samples = lobe.sample_points(u[1 + k])
+        total += over_points(_LOBE_KERNELS[k], points, n, tables, samples, fuse=fuse).double()
+    if tables.reflectance.diffuse:
+        wi = Vec3(*(c[None] for c in cosine_hemisphere(u[-1])))
+        total += over_points(_from_cosine, points, n, tables, wi, fuse=fuse).double()
+    return total
+
+
+def _from_light(points: ShadingPoints, tables: Tables, lights: LightSamples) -> Tensor:
+    wo, wi = points.wo_local(), to_local(lights.direction, points.t, points.b, points.n)
+    weight = _balanced(tables.reflectance, wo, wi, lights.pdf)
+    weight = unhidden(weight, points, lights.direction, tables.occluder)
+    sums = [w @ lights.radiance for w in weight]
+    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+
+
+def _from_surface(points: ShadingPoints, tables: Tables, wo: Vec3, wi: Vec3) -> Tensor:
+    d = to_world(wi, points.t, points.b, points.n)
+    weight = unhidden(_balanced(tables.reflectance, wo, wi, tables.distribution.pdf(d)), points, d, tables.occluder)
+    return weighted_radiance(tables.texels, d, None, weight)
+
+
+def _from_cosine(points: ShadingPoints, tables: Tables, wi: Vec3) -> Tensor:
+    return _from_surface(points, tables, points.wo_local(), wi)
+
+
+def _balanced(reflectance: Reflectance, wo: Vec3, wi: Vec3, light_pdf: Tensor) -> Channels:
+    """f cos_i / sum of all techniques' pdfs, a channel."""
+    pdf, f = light_pdf, reflectance.diffuse_f()
+    if reflectance.diffuse:
+        pdf = pdf + wi.z.clamp(min=0) / pi
+    for lobe in reflectance.lobes:
+        value, density = lobe.f_and_pdf(wo, wi)
+        f, pdf = add(f, value), pdf + density
+    weight = torch.where(wi.z > 0, wi.z / pdf.clamp(min=1e-30), 0.0)
+    return tuple(channel * weight for channel in f)
+
+
+def _lobe_kernel(k: int) -> Callable[..., Tensor]:
+    def from_lobe(points: ShadingPoints, tables: Tables, samples: Any) -> Tensor:
+        wo = points.wo_local()
+        return _from_surface(points, tables, wo, tables.reflectance.lobes[k].sample(wo, samples).wi)
+
+    return from_lobe
+
+
+# One kernel object a lobe number: a compiled kernel is known by its object.
+_LOBE_KERNELS = [_lobe_kernel(k) for k in range(16)]
+
+
+def _open(u: Tensor) -> Tensor:
+    """Points of the open unit square: the logarithm of u is taken."""
+    return u.clamp(2.0**-24, 1 - 2.0**-24)

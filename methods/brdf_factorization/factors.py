@@ -1,0 +1,82 @@
+"""A BRDF as a product of maps, f(wo, wi) ~ p(wi) q(h) p(wo), each a paraboloid of the hemisphere."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.sparse import csr_array
+from torch import Tensor
+
+from glossbench.brdf.material import Material
+from glossbench.channels import widen
+from glossbench.directions import Vec3, half_vector, points_2d, reflect, spherical
+from glossbench.envmap.projections.resampling import bilinear
+from glossbench.factorization import FactorMap, Solver, factorize, grid_laplacian, grid_rows
+
+# Below, a factor 1 / cos of a model that has one is no longer sampled: it would outweigh all else.
+LEAST_COSINE = 0.02
+
+
+@dataclass(frozen=True)
+class BRDFFactors:
+    """Maps p and q (E, E, 3), float32; texel centres at s = d_x / (1 + d_z), t = -d_y / (1 + d_z) in [-1, 1]."""
+
+    p: Tensor
+    q: Tensor
+
+    def f(self, wo: Vec3, wi: Vec3) -> Tensor:
+        """p(wi) q(h) p(wo), (P, 3), of directions (P,); zero where one is below the surface."""
+        above = ((wo.z > 0) & (wi.z > 0))[:, None]
+        return torch.where(above, _read(self.p, wi) * _read(self.q, half_vector(wo, wi)) * _read(self.p, wo), 0.0)
+
+
+def factor_brdf(
+    material: Material, edge: int, n_pairs: int, smoothness: float, floor: float, solver: Solver, tolerance: float
+) -> BRDFFactors:
+    """Factors of a material's f at n pairs of directions.
+
+    Of half of the pairs both are uniform in their cosine and azimuth; of the others wi mirrors wo at a half vector of
+    the first lobe's own density, so that highlights have samples.
+
+    Args:
+        floor: values of f below this times the largest count as that.
+
+    Source: McCool et al. 2001, sections 3 to 5.
+    """
+    reflectance = material.reflectance()
+    u = [points_2d(n_pairs, "r2"), points_2d(n_pairs, "random", 1)]
+    wo, wi = (spherical(torch.acos(LEAST_COSINE + (1 - LEAST_COSINE) * v[:, 0]), 2 * np.pi * v[:, 1]) for v in u)
+    if reflectance.lobes:
+        lobe = reflectance.lobes[0]
+        points = lobe.sample_points(u[1][: n_pairs // 2])
+        zero = torch.zeros(1)
+        drawn = lobe.sample(Vec3(zero, zero, zero + 1), points).wi
+        h = half_vector(Vec3(zero, zero, zero + 1), Vec3(*(c.reshape(-1) for c in drawn)))
+        mirrored = reflect(Vec3(*(c[: n_pairs // 2] for c in wo)), h)
+        wi = Vec3(*(torch.cat([a, b[n_pairs // 2 :]]) for a, b in zip(mirrored, wi, strict=True)))
+    keep = (wi.z > LEAST_COSINE) & (wo.z > LEAST_COSINE)
+    wo, wi = (Vec3(*(c[keep] for c in d)) for d in (wo, wi))
+    f = torch.stack(widen(reflectance.f(wo, wi), 3), 1).double()
+    f = torch.maximum(f, (floor * f.max(0).values).clamp(min=1e-30))
+    rows = [grid_rows(*_places(d, edge), (edge, edge)) for d in (wo, wi, half_vector(wo, wi))]
+    laplacian = grid_laplacian((edge, edge))
+    maps = [FactorMap(csr_array(rows[0] + rows[1]), laplacian), FactorMap(rows[2], laplacian)]
+    # Both directions read p: its weights sum to 2, and a start from averages would be off by that.
+    level = np.log(f.numpy()).mean(0) / 3
+    start = [np.tile(level, (edge * edge, 1)) for _ in maps]
+    found = factorize(np.log(f.numpy()), maps, smoothness, solver, tolerance, start=start)
+    return BRDFFactors(*(torch.exp(torch.from_numpy(one)).float().view(edge, edge, 3) for one in found.logs))
+
+
+def _places(d: Vec3, edge: int) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column in texels of directions (P,) on a paraboloid of the hemisphere."""
+    row, column = ((0.5 - d.y / (2 * (1 + d.z))) * edge, (0.5 + d.x / (2 * (1 + d.z))) * edge)
+    return row.double().numpy(), column.double().numpy()
+
+
+def _read(texels: Tensor, d: Vec3) -> Tensor:
+    """A map between its texels, in directions (P,) above the surface: (P, 3)."""
+    edge = texels.shape[0]
+    z = 1 + d.z.clamp(min=0)
+    column, row = (0.5 + d.x / (2 * z)) * edge, (0.5 - d.y / (2 * z)) * edge
+    return bilinear(texels[None], column[None, None], row[None, None])[0, 0]

@@ -1,0 +1,62 @@
+"""Visibility in spherical harmonics: fitted at each point to shadow tests in a few directions."""
+
+import scipy
+import torch
+from torch import Tensor
+
+from glossbench.directions import Vec3, dot
+from glossbench.envmap.harmonics import sh_basis
+from glossbench.scene.points import Occluder, ShadingPoints
+from glossbench.shading.kernels import over_points
+from glossbench.shading.visibility import unhidden
+
+# What the directions tell less of than this share of what they tell most of is taken to be zero. Measured on a cloth
+# and a torus knot under Grace, 16 directions, order 4, RMS over the mean, diffuse: 1e-6 0.26 and 1.05 (what is told
+# least swings), 1e-4 0.045 and 0.107, 1e-3 0.043 and 0.091, 1e-2 0.042 and 0.085; glossy, 64 directions: up to 1e-3
+# 0.086 and 0.136, 1e-2 0.095 and 0.157, 0.1 0.115 and 0.214 (what is left out darkens).
+LEAST_EIGENVALUE = 1e-3
+
+
+def fit_visibility(points: ShadingPoints, occluder: Occluder, directions: Vec3, order: int) -> Tensor:
+    """Coefficients (P, order^2), float32, of the visibility times the cosine, v(w) = V(w) max(n . w, 0).
+
+    c = (B^T B)^+ B^T v, B_jk = Y_k(w_j): least squares over directions (M,), a shadow ray for each of them that is
+    above the surface. Y_k are in the world's axes, so that one pseudoinverse serves all points. Where directions are
+    fewer than coefficients, or crowd, the smallest of all solutions is taken.
+
+    Source: Krivanek and Colbert 2008, section 5.2.
+    """
+    basis = torch.stack(sh_basis(Vec3(*(c.double() for c in directions)), order), dim=1)
+    inverse = torch.linalg.pinv(basis.T @ basis, rtol=LEAST_EIGENVALUE, hermitian=True)
+    solver = (basis @ inverse).float()
+    rows = Vec3(*(c[None] for c in directions))
+    return over_points(_fit, points, len(solver), rows, solver, occluder, fuse=False)
+
+
+def _fit(points: ShadingPoints, directions: Vec3, solver: Tensor, occluder: Occluder) -> Tensor:
+    (v,) = unhidden((dot(points.n, directions).clamp(min=0),), points, directions, occluder)
+    return v @ solver
+
+
+def visibility_at(coefficients: Tensor, d: Vec3, cos_i: Tensor) -> Tensor:
+    """V (P, N) in [0, 1] of directions above the surface: the fit of V cos_i over cos_i; coefficients (P, order^2)."""
+    order = round(coefficients.shape[1] ** 0.5)
+    fit = sum(coefficients[:, k, None] * y for k, y in enumerate(sh_basis(d, order)))
+    return (fit / cos_i.clamp(min=1e-6)).clamp(0, 1)
+
+
+def smooth(values: Tensor, mask: Tensor, sigma: float) -> Tensor:
+    """Values (P, K) of the pixels of a mask (H, W), each the Gaussian mean of those around it.
+
+    Args:
+        sigma: standard deviation in pixels, cut off at 3; 0 leaves the values as they are.
+    """
+    if sigma == 0:
+        return values
+    weight = scipy.ndimage.gaussian_filter(mask.float().numpy(), sigma, mode="constant", truncate=3)
+    image = torch.zeros(*mask.shape, values.shape[1])
+    image[mask] = values.cpu()
+    blurred = torch.from_numpy(
+        scipy.ndimage.gaussian_filter(image.numpy(), (sigma, sigma, 0), mode="constant", truncate=3)
+    )
+    return (blurred[mask] / torch.from_numpy(weight)[mask][:, None]).to(values.device)

@@ -1,0 +1,215 @@
+"""Parabolic storage of partial environment maps: each region in a paraboloid map about its own direction.
+
+The paraboloid about a shows the direction d at p = (d.t, d.b) / (1 + d.a), a plane on which a is the origin, 90 degrees
+from it the unit circle and -a infinitely far; an area dA at radius r spans the solid angle 4 / (1 + r^2)^2 dA, which is
+(1 + d.a)^2 dA. Stored is energy a unit of area, L (1 + d.a)^2, so that filters of weight one keep each map's energy.
+"""
+
+from dataclasses import dataclass
+from math import ceil, log2
+
+import torch
+from torch import Tensor
+from torch.nn.functional import one_hot, pad
+
+from glossbench.directions import Vec3, cross, dot, normalize, stack, to_local, to_world, vec3
+from glossbench.envmap.cubemap import CubeMap, bordered, texel_directions
+from glossbench.envmap.pyramid import Pyramid, Taps, finest, halve
+from glossbench.errors import InputError
+from glossbench.prefilter.cosine_lobes.pyramid import LOBE_FILTERS, TEXEL_BYTES, LobeFilter, window_taps
+from glossbench.prefilter.median_cut import Partition
+
+Frame = tuple[Vec3, Vec3, Vec3]
+
+COARSEST = 1.0  # pitch of the last level at least: wider than any filter's lobe of s = 1
+LARGEST = 2.0  # r of a region's texels, 127 degrees; a rectangle of one face ends at sqrt(2)
+POLE = 1e-3  # 1 + d.a, within 2.6 degrees of -a: all is black there
+MARGIN = 2  # texels of a map around its region's centres: one texel of the cube, which spans less than two
+
+
+@dataclass(frozen=True)
+class ParabolicMaps:
+    """N paraboloid maps, each at as many levels; of each level the rectangle that its region reaches.
+
+    Texel (j, i) of level l lies at p = ((i + 1/2), (j + 1/2)) 2^l pitch, i and j of either sign.
+
+    Attributes:
+        texels: (T, 3) float32, row 0 black: L (1 + d.a)^2.
+        windows: (L, N, 5) int32: row and column of the first texel, height, width, first row in `texels`.
+        pitch: edge of a texel of level 0 on the plane, (N,).
+        t, b, a: frame of each map, components (1, N).
+    """
+
+    texels: Tensor
+    windows: Tensor
+    pitch: Tensor
+    t: Vec3
+    b: Vec3
+    a: Vec3
+
+    def __len__(self) -> int:
+        return self.windows.shape[1]
+
+    def taps(self, d: Vec3, lod: Tensor | None) -> Taps:
+        """Eight rows and weights, (P, N) one column a map, for unit directions (P, 1); trilinear.
+
+        lod: level, to broadcast with (P, N), clamped to the levels there are; None reads level 0 alone.
+        """
+        local = to_local(d, self.t, self.b, self.a)
+        near = (1 + local.z).clamp(min=POLE)
+        radiance = torch.where(1 + local.z > POLE, 1 / (near * near), 0.0)
+        image = torch.arange(len(self), device=near.device)
+        top = self.windows.shape[0] - 1
+        lod = torch.zeros_like(self.pitch) if lod is None else lod.clamp(0, top)
+        lower = lod.long()
+        fraction = lod - lower
+        rows, weights = [], []
+        for level, share in ((lower, 1 - fraction), ((lower + 1).clamp(max=top), fraction)):
+            scale = torch.exp2(-level) / (self.pitch * near)
+            x, y = local.x * scale - 0.5, local.y * scale - 0.5
+            found = window_taps(self.windows[level, image], x, y, share * radiance)
+            rows += found[0]
+            weights += found[1]
+        return tuple(rows), tuple(weights)
+
+    def log2_texels_per_sr(self, d: Vec3) -> Tensor:
+        """-log2(pitch^2 (1 + d.a)^2)."""
+        return -2 * torch.log2(self.pitch * (1 + dot(d, self.a)).clamp(min=POLE))
+
+
+def pitches(partition: Partition) -> Tensor:
+    """Edge of a texel of each map (N,): at the map's middle it spans what a texel of the region does on average.
+
+    4 pitch^2 = solid angle of the region over its number of texels
+    """
+    count = torch.bincount(partition.index.flatten(), minlength=len(partition))
+    return 0.5 * torch.sqrt(partition.solid_angle / count)
+
+
+def n_levels(pitch: Tensor) -> int:
+    """Levels from these pitches to one."""
+    return 1 + max(0, ceil(log2(COARSEST / float(pitch.min()))))
+
+
+def build_parabolic_maps(light: CubeMap, partition: Partition, mip_filter: LobeFilter, limit: float) -> ParabolicMaps:
+    """The maps of a light's regions with all levels.
+
+    A texel of level 0 is the mean at its 2x2 sub-texel centres of the cube that is black but for the region, bilinear;
+    each map is then scaled, a factor a channel, so that its energy is the region's own.
+
+    Args:
+        limit: bytes that the table may take.
+
+    Raises:
+        InputError: it would take more, or a region reaches over 127 degrees from its direction; raised before the table
+            is allocated.
+
+    Source: Knuth et al. 2014, section 5. Differs: filtered is energy, not radiance, which a coarse level would lose.
+    """
+    pitch, n = pitches(partition), len(partition)
+    frames = _frames(partition.direction)
+    windows = level_windows(_spans(light, partition, frames, pitch), n_levels(pitch), mip_filter)
+    needed = TEXEL_BYTES * n_texels(windows)
+    if needed > limit:
+        raise InputError(
+            f"{n} parabolic partial maps of 6 x {light.resolution}^2 texels need {needed / 1e9:.2f} GB, more than the "
+            f"limit of {limit / 1e9:.2f} GB; take fewer regions or a smaller light"
+        )
+    texels = light.faces.new_empty(n_texels(windows), 3)
+    texels[0] = 0
+    cube, owner = finest(light), _owners(partition)
+    for i in range(n):
+        t, b, a = (Vec3(*(c[i] for c in v)) for v in frames)
+        image = _level_0(cube, owner == i, (t, b, a), pitch[i], windows[0, i])
+        energy = image.double().sum((0, 1)) * pitch[i].double() ** 2
+        factor = torch.where(energy > 0, partition.power[i] / energy, 1.0).float()
+        fill(texels, windows[:, i], image * factor, mip_filter)
+    return ParabolicMaps(texels, windows.int().to(pitch.device), pitch, *(Vec3(*(c[None] for c in v)) for v in frames))
+
+
+def level_windows(spans: Tensor, n: int, mip_filter: LobeFilter) -> Tensor:
+    """What maps reach at each of n levels, (n, N, 5), where their level 0 has these spans (N, 4).
+
+    A span is the first row and column of texels that are lit and the last ones + 1; texel j of a level has the taps
+    2 j - w .. 2 j + 1 + w of the one before.
+    """
+    width = len(LOBE_FILTERS[mip_filter]) // 2 - 1
+    levels = [spans.cpu()]
+    for _ in range(n - 1):
+        low, high = levels[-1].split(2, dim=1)
+        levels.append(torch.cat([(low - width) // 2, (high - 1 + width) // 2 + 1], dim=1))
+    low, high = torch.stack(levels).split(2, dim=2)
+    counts = (high - low).prod(2)
+    first = 1 + counts.flatten().cumsum(0).view_as(counts) - counts
+    return torch.cat([low, high - low, first[..., None]], dim=2)
+
+
+def n_texels(windows: Tensor) -> int:
+    """Rows of the table of these windows, the black one included."""
+    return 1 + int((windows[..., 2] * windows[..., 3]).sum())
+
+
+def fill(texels: Tensor, windows: Tensor, image: Tensor, mip_filter: LobeFilter) -> None:
+    """Write the levels of one map, windows (L, 5), whose level 0 is an image (height, width, 3), into a table."""
+    taps = LOBE_FILTERS[mip_filter]
+    width = len(taps) // 2 - 1
+    finer = None
+    for window in windows.tolist():
+        if finer:
+            margins: list[int] = []  # what the taps meet around the finer level: left, right, top, bottom
+            for axis in (1, 0):
+                before = finer[axis] - (2 * window[axis] - width)
+                margins += before, 2 * (window[2 + axis] + width) - finer[2 + axis] - before
+            image = halve(pad(image, (0, 0, *margins))[None], taps)[0]
+        first = window[4]
+        texels[first : first + image.shape[0] * image.shape[1]] = image.reshape(-1, 3)
+        finer = window
+
+
+def _frames(a: Vec3) -> Frame:
+    """t, b and a (N,): along the edges of the face that a meets, as far as they are normal to it."""
+    aside = one_hot(stack(a).abs().argmin(1), 3).float()
+    t = normalize(cross(vec3(aside), a))
+    return t, cross(a, t), a
+
+
+def _spans(light: CubeMap, partition: Partition, frames: Frame, pitch: Tensor) -> Tensor:
+    """First and last row and column + 1 of what each region reaches in its map at level 0, (N, 4)."""
+    index = partition.index.flatten().long()
+    d = Vec3(*(c.flatten().to(index.device) for c in texel_directions(light.resolution)))
+    local = to_local(d, *(Vec3(*(c[index] for c in v)) for v in frames))
+    p = torch.stack([local.y, local.x], dim=1) / (1 + local.z).clamp(min=1e-6)[:, None]
+    farthest = float(p.norm(dim=1).max())
+    if farthest > LARGEST:
+        raise InputError(
+            f"a parabolic map holds a region up to {LARGEST:g} of its plane, 127 degrees, from its direction; one of "
+            f"these reaches {min(farthest, 1e6):.3g}"
+        )
+    at, where = p / pitch[index][:, None], index[:, None].expand(-1, 2)
+    empty = at.new_zeros(len(partition), 2)
+    low, high = (empty.scatter_reduce(0, where, at, kind, include_self=False) for kind in ("amin", "amax"))
+    return torch.cat([low.floor().long() - MARGIN, high.ceil().long() + MARGIN], dim=1)
+
+
+def _owners(partition: Partition) -> Tensor:
+    """The region of each row of a cube's table; none of what stands for a texel beyond a corner of the cube."""
+    owner = bordered(partition.index[..., None].float())[..., 0]
+    owner[:, [0, 0, -1, -1], [0, -1, 0, -1]] = -1
+    return owner.flatten()
+
+
+def _level_0(cube: Pyramid, member: Tensor, frame: Frame, pitch: Tensor, window: Tensor) -> Tensor:
+    """L (1 + d.a)^2 of a cube of which some rows are not black, means of 2x2: (height, width, 3)."""
+    top, left, height, width, _ = window.tolist()
+    y, x = (
+        (torch.arange(2 * first, 2 * (first + n), device=pitch.device) + 0.5) * (pitch / 2)
+        for first, n in ((top, height), (left, width))
+    )
+    y, x = torch.meshgrid(y, x, indexing="ij")
+    # 1 + d.a = 2 / (1 + r^2), and across a the direction is p (1 + d.a).
+    near = 2 / (1 + x * x + y * y)
+    rows, weights = cube.taps(to_world(Vec3(x * near, y * near, near - 1), *frame), None)
+    weights = tuple(weight * member[row] * near * near for row, weight in zip(rows, weights, strict=True))
+    taps = [cube.texels[row] * weight[..., None] for row, weight in zip(rows, weights, strict=True)]
+    energy = taps[0] + taps[1] + taps[2] + taps[3]
+    return energy.view(height, 2, width, 2, 3).mean(dim=(1, 3))

@@ -1,0 +1,520 @@
+"""Verdicts on claims: what holds, what does not, what the reference cannot tell, and what was not tested."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from glossbench.findings.verdicts import judge
+from glossbench.study.claims import KINDS, agrees
+
+
+def cell(method: str, **changes: Any) -> dict[str, Any]:
+    """A row of a run; options, material_options and the like are given as dictionaries."""
+    row = {
+        "light": "spots", "light_options": {"seed": 7},
+        "material": "kurt", "material_options": {"m": [0.1, 0.1]},
+        "view": "sphere", "view_options": {"resolution": 64}, "method": method, "options": {"samples": 14},
+        "status": "done", "rms": 0.1, "relative_rms": 0.2, "mean_error": 0.01, "max_error": 1.0,
+        "reference_noise": 1e-4, "reference_mean": 0.5, "at_noise_floor": False,
+        "n_samples": 14, "shade_seconds": 0.1, "state_bytes": 1000,
+        "stage_seconds": {"pyramid": 0.2, "pdf": 0.3},
+    } | changes  # fmt: skip
+    return {key: json.dumps(value) if isinstance(value, dict) else value for key, value in row.items()}
+
+
+def verdict_on(claim: dict[str, Any], *rows: dict[str, Any]) -> dict[str, Any]:
+    """The judgement of one claim, stated as in a study."""
+    [kind] = [kind for kind in KINDS if kind in claim]
+    model = KINDS[kind].model_validate({"text": "As the paper says"} | claim)
+    [judgement] = judge([model], pd.DataFrame(list(rows)))
+    json.dumps(judgement, allow_nan=False)
+    assert (judgement["text"], judgement["kind"]) == ("As the paper says", kind)
+    return judgement
+
+
+LOWER = {"lower": "a", "than": "b", "metric": "rms"}
+RATIO = {"ratio": ["a", "b"], "of": "shade_seconds", "between": [0.5, 2]}
+SLOPE = {"slope": "a", "over": "samples", "metric": "rms", "between": [-0.6, -0.4]}
+VALUE = {"value": "a", "of": "n_samples", "equals": 14}
+
+
+# lower
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "noise", "verdict"),
+    [
+        (0.1, 0.2, 1e-4, "holds"),
+        (0.2, 0.1, 1e-4, "does not hold"),
+        (0.1, 0.1, 0.0, "does not hold"),
+        (0.1, 0.2, 0.051, "within noise"),
+        (0.1, 0.2, 0.049, "holds"),
+        (0.2, 0.1, 0.051, "within noise"),
+    ],
+)
+def test_lower_needs_twice_the_noise(a, b, noise, verdict):
+    rows = cell("a", rms=a, reference_noise=noise), cell("b", rms=b, reference_noise=noise)
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert judgement["verdict"] == verdict
+    [number] = judgement["numbers"]
+    assert (number["a"], number["b"], number["noise"], number["verdict"]) == (a, b, noise, verdict)
+
+
+def test_one_case_that_does_not_hold_decides():
+    rows = [
+        cell(method, rms=rms, material_options={"m": [m, m]})
+        for method, errors in [("a", [1, 1, 3]), ("b", [2, 2, 2])]
+        for m, rms in zip([0.1, 0.2, 0.3], errors, strict=True)
+    ]
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert judgement["verdict"] == "does not hold"
+    assert [n["verdict"] for n in judgement["numbers"]] == ["holds", "holds", "does not hold"]
+    assert judgement["summary"] == (
+        "Holds in 2 of 3 cases; rms of a over b: from 0.5 (spots, kurt (m [0.1, 0.1]), sphere, samples 14) "
+        "to 1.5 (spots, kurt (m [0.3, 0.3]), sphere, samples 14)."
+    )
+
+
+def test_cases_within_noise_do_not_stop_a_claim_that_holds_elsewhere():
+    rows = [
+        cell(method, rms=rms, material_options={"m": m})
+        for method, errors in [("a", [1.0, 1.0]), ("b", [2.0, 1.0001])]
+        for m, rms in zip([0.1, 0.2], errors, strict=True)
+    ]
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert judgement["verdict"] == "holds"
+    assert judgement["summary"].startswith("Holds in 1 of 2 cases, 1 within noise;")
+
+
+def test_cells_are_paired_at_equal_samples_only():
+    rows = [
+        cell("a", rms=1.0, options={"samples": 14}),
+        cell("a", rms=0.5, options={"samples": 17}),
+        cell("b", rms=2.0, options={"samples": 14, "filter": "box"}),
+        cell("b", rms=0.7, options={"samples": 17, "filter": "box"}),
+    ]
+
+    judgement = verdict_on(LOWER, *rows)
+
+    # A 14 against B 17 would not hold: this also is the planted fault of a pairing that forgets the samples.
+    assert judgement["verdict"] == "holds"
+    assert [(n["a"], n["b"]) for n in judgement["numbers"]] == [(1.0, 2.0), (0.5, 0.7)]
+    across = verdict_on({**LOWER, "paired_by": "filter"}, *rows)
+    assert across["verdict"] == "not tested"
+
+
+def test_paired_by_replaces_the_samples():
+    rows = [
+        cell("a", rms=1.0, options={"samples": 14, "filter": "box"}),
+        cell("b", rms=2.0, options={"samples": 99, "filter": "box"}),
+        cell("b", rms=0.5, options={"samples": 99, "filter": "gauss6"}),
+    ]
+
+    judgement = verdict_on({**LOWER, "paired_by": ["filter"]}, *rows)
+
+    assert [(n["a"], n["b"]) for n in judgement["numbers"]] == [(1.0, 2.0)]
+
+
+@pytest.mark.parametrize("place", ["light", "material", "view", "light_options", "material_options", "view_options"])
+def test_cells_of_other_places_are_never_paired(place):
+    other = {"other": 1} if place.endswith("options") else "other"
+
+    judgement = verdict_on(LOWER, cell("a"), cell("b", **{place: other}))
+
+    assert judgement["verdict"] == "not tested"
+    assert judgement["summary"] == "Not tested: cells without a partner: 1."
+
+
+def test_options_that_one_method_sweeps_are_compared_each_and_told_apart():
+    rows = [
+        cell("a", rms=1.0, options={"samples": 14, "xi": 0.1}),
+        cell("a", rms=3.0, options={"samples": 14, "xi": 0.2}),
+        cell("b", rms=2.0, options={"samples": 14}),
+    ]
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert [n["verdict"] for n in judgement["numbers"]] == ["holds", "does not hold"]
+    assert "xi 0.1" in judgement["numbers"][0]["where"]
+    assert "xi 0.2" in judgement["numbers"][1]["where"]
+
+
+def test_signed_errors_are_compared_by_size():
+    judgement = verdict_on({**LOWER, "metric": "mean_error"}, cell("a", mean_error=-3), cell("b", mean_error=1))
+
+    assert judgement["verdict"] == "does not hold"
+
+
+@pytest.mark.parametrize(
+    ("metric", "noise"), [("rms", 0.01), ("max_error", 0.01), ("relative_rms", 0.02), ("flip", 0.0)]
+)
+def test_noise_has_the_unit_of_the_metric(metric, noise):
+    rows = [cell(method, **{metric: value}, reference_noise=0.01) for method, value in [("a", 1.0), ("b", 2.0)]]
+
+    judgement = verdict_on({**LOWER, "metric": metric}, *rows)
+
+    assert judgement["numbers"][0]["noise"] == pytest.approx(noise)
+
+
+# where
+
+
+@pytest.mark.parametrize(
+    ("where", "n_cases"),
+    [
+        ({}, 4),
+        ({"samples": 14}, 2),
+        ({"samples": [14, 17]}, 4),
+        ({"samples": [14, 99]}, 2),
+        ({"m": 0.1}, 2),
+        ({"m": [0.1, 0.1]}, 2),
+        ({"m": [[0.1, 0.1], [0.2, 0.2]]}, 4),
+        ({"light": "spots", "material": ["kurt", "ggx"], "view": "sphere"}, 4),
+        ({"light": "sky"}, 0),
+        ({"xi": 0.1}, 4),
+        ({"xi": 0.2}, 0),
+        ({"alpha": 0.2}, 0),
+    ],
+)
+def test_where_restricts_the_cells(where, n_cases):
+    rows = [
+        cell(method, options={"samples": samples, **own}, material_options={"m": [m, m]})
+        for method, own in [("a", {"xi": 0.1}), ("b", {})]
+        for samples in (14, 17)
+        for m in (0.1, 0.2)
+    ]
+
+    judgement = verdict_on({**LOWER, "where": where}, *rows)
+
+    assert len(judgement["numbers"]) == n_cases
+
+
+def test_where_tells_lights_of_one_name_apart_by_an_option():
+    rows = [
+        cell(method, light_options={"resolution": r}, rms=rms)
+        for r, errors in ((256, {"a": 1, "b": 2}), (512, {"a": 2, "b": 1}))
+        for method, rms in errors.items()
+    ]
+
+    verdicts = [
+        verdict_on({**LOWER, "where": {"light": {"spots": {"resolution": r}}}}, *rows)["verdict"] for r in (256, 512)
+    ]
+
+    assert verdicts == ["holds", "does not hold"]
+
+
+def test_sides_compare_one_method_with_itself():
+    rows = [
+        cell("a", options={"samples": n, "k": k}, rms=rms)
+        for n, errors in ((14, {1: 0.3, 4: 0.2}), (30, {1: 0.1, 4: 0.15}))
+        for k, rms in errors.items()
+    ]
+
+    judgement = verdict_on({"lower": {"a": {"k": 4}}, "than": {"a": {"k": 1}}, "metric": "rms"}, *rows)
+
+    assert [(n["a"], n["b"], n["verdict"]) for n in judgement["numbers"]] == [
+        (0.2, 0.3, "holds"),
+        (0.15, 0.1, "does not hold"),
+    ]
+    assert "rms of a (k 4) over a (k 1)" in judgement["summary"]
+
+
+def test_a_side_that_states_a_view_is_compared_with_another_view():
+    rows = [
+        cell("a", view=view, view_options={"shape": shape} if shape else {"resolution": 64}, light=light, rms=rms)
+        for light, errors in (("spots", (0.1, 0.3, 0.2)), ("sky", (0.3, 0.2, 0.4)))
+        for (view, shape), rms in zip((("sphere", ""), ("mesh", "knot"), ("mesh", "cloth")), errors, strict=True)
+    ]
+
+    claim = {"lower": {"a": {}, "view": "sphere"}, "than": {"a": {}, "view": {"mesh": {"shape": "knot"}}}}
+    judgement = verdict_on({**claim, "metric": "rms"}, *rows)
+
+    assert [(n["a"], n["b"], n["verdict"]) for n in judgement["numbers"]] == [
+        (0.1, 0.3, "holds"),
+        (0.3, 0.2, "does not hold"),
+    ]
+    assert judgement["numbers"][0]["where"].startswith("spots, kurt, samples 14, sphere against mesh (shape knot)")
+
+
+def test_relative_noise_is_that_of_the_noisier_reference():
+    rows = [
+        cell("a", view="sphere", relative_rms=0.1, reference_noise=0.01, reference_mean=1.0),
+        cell("a", view="mesh", relative_rms=0.2, reference_noise=0.01, reference_mean=0.1),
+    ]
+
+    claim = {"lower": {"a": {}, "view": "sphere"}, "than": {"a": {}, "view": "mesh"}, "metric": "relative_rms"}
+    judgement = verdict_on(claim, *rows)
+
+    assert (judgement["verdict"], judgement["numbers"][0]["noise"]) == ("within noise", pytest.approx(0.1))
+
+
+@pytest.mark.parametrize(("of", "value"), [("stage_seconds.pyramid", 0.2), ("update_seconds.light", 0.4)])
+def test_a_claim_may_be_about_one_stage_or_one_update(of, value):
+    row = cell("a", stage_seconds={"pyramid": 0.2, "pdf": 0.3}, update_seconds={"light": 0.4, "view": 0.0})
+
+    judgement = verdict_on({"value": "a", "of": of, "equals": value}, row)
+
+    assert judgement["verdict"] == "holds"
+
+
+def test_an_image_answers_to_the_name_of_its_file():
+    rows = [
+        cell("a", light="file", light_options={"file": f"/some/{name}.hdr"}, n_samples=n)
+        for name, n in [("grace", 14), ("uffizi", 15)]
+    ]
+
+    judgement = verdict_on({**VALUE, "where": {"light": "grace.hdr"}}, *rows)
+
+    assert judgement["verdict"] == "holds"
+    assert judgement["numbers"][0]["where"] == "grace.hdr, kurt, sphere"
+
+
+@pytest.mark.parametrize(
+    ("wanted", "actual", "yes"),
+    [
+        (1, 1.0, True),
+        (1, True, False),
+        (True, 1, False),
+        ([1, 2], 2, True),
+        ([1, 2], [1, 2], True),
+        ([1, 2], [1, 1], False),
+        (1, [1, 1], True),
+        (1, [1, 2], False),
+        ([[1, 2], [3, 4]], [3, 4], True),
+        ([[1, 2], [3, 4]], [4, 3], False),
+        (1, [], False),
+        ("box", "box", True),
+        (["box", None], None, True),
+    ],
+)
+def test_a_value_agrees_if_equal_or_one_of_several_or_spread(wanted, actual, yes):
+    assert agrees(wanted, actual) is yes
+
+
+# slope
+
+
+def curve(errors, budgets=(4, 16, 64, 256), **changes):
+    return [
+        cell("a", rms=rms, options={"samples": n, **changes.get("own", {})}, at_noise_floor=rms < 1e-3)
+        for n, rms in zip(budgets, errors, strict=True)
+    ]
+
+
+def test_the_slope_is_that_of_the_logarithms():
+    judgement = verdict_on(SLOPE, *curve([0.5, 0.25, 0.125, 0.0625]))
+
+    assert judgement["verdict"] == "holds"
+    assert judgement["numbers"][0]["a"] == pytest.approx(-0.5)
+    assert judgement["numbers"][0]["bound"] == [-0.6, -0.4]
+
+
+@pytest.mark.parametrize("errors", [[0.5, 0.5, 0.5, 0.5], [1 / 4, 1 / 16, 1 / 64, 1 / 256]])
+def test_another_slope_does_not_hold(errors):
+    """Twin of the above: no convergence, and the slope of a mistaken square."""
+    assert verdict_on(SLOPE, *curve(errors))["verdict"] == "does not hold"
+
+
+def test_the_slope_is_the_least_squares_one():
+    errors = [0.5, 0.2, 0.15, 0.05]
+
+    judgement = verdict_on(SLOPE, *curve(errors))
+
+    expected = np.polyfit(np.log([4, 16, 64, 256]), np.log(errors), 1)[0]
+    assert judgement["numbers"][0]["a"] == pytest.approx(expected)
+
+
+def test_cells_at_the_noise_floor_do_not_bend_the_slope():
+    judgement = verdict_on(SLOPE, *curve([0.5, 0.25, 0.125, 9e-4, 9e-4], (4, 16, 64, 256, 1024)))
+
+    assert judgement["numbers"][0]["a"] == pytest.approx(-0.5)
+    assert "cells at the noise floor: 2" in judgement["summary"]
+
+
+def test_two_points_are_no_slope():
+    judgement = verdict_on(SLOPE, *curve([0.5, 0.25, 9e-4, 0.0]))
+
+    assert judgement["verdict"] == "not tested"
+    assert judgement["summary"] == "Not tested: cells at the noise floor: 2; curves of fewer than 3 points: 1."
+
+
+def test_a_swept_option_gives_a_curve_each_and_a_tuned_one_does_not():
+    rows = [
+        cell("a", rms=scale * n**-0.5, options={"samples": n, "filter": name, "bias": n * scale / 100})
+        for name, scale in [("box", 1.0), ("gauss6", 5.0)]
+        for n in (4, 16, 64)
+    ]
+
+    judgement = verdict_on(SLOPE, *rows)
+
+    assert [n["a"] for n in judgement["numbers"]] == pytest.approx([-0.5, -0.5])
+    assert [n["where"] for n in judgement["numbers"]] == [
+        "spots, kurt, sphere, filter box",
+        "spots, kurt, sphere, filter gauss6",
+    ]
+
+
+@pytest.mark.parametrize("over", ["alpha", "material.alpha"])
+def test_a_slope_over_a_parameter_of_the_material_is_one_curve_a_budget(over):
+    rows = [
+        cell("a", material_options={"alpha": [x, x], "f0": 1.0}, options={"samples": n}, rms=n * x**2)
+        for n in (4, 16)
+        for x in (0.1, 0.2, 0.4)
+    ]
+
+    judgement = verdict_on({**SLOPE, "over": over, "between": [1.9, 2.1]}, *rows)
+
+    assert [n["a"] for n in judgement["numbers"]] == pytest.approx([2, 2])
+    assert [n["where"] for n in judgement["numbers"]] == [f"spots, kurt, sphere, samples {n}" for n in (4, 16)]
+
+
+def test_the_full_name_of_a_parameter_restricts_a_claim():
+    rows = [cell(m, material_options={"m": [w, w]}, rms=r) for m, w, r in [
+        ("a", 0.1, 0.1), ("b", 0.1, 0.2), ("a", 0.3, 0.3), ("b", 0.3, 0.2)]]  # fmt: skip
+
+    assert verdict_on({**LOWER, "where": {"material.m": 0.1}}, *rows)["verdict"] == "holds"
+    assert verdict_on({**LOWER, "where": {"material.m": 0.3}}, *rows)["verdict"] == "does not hold"
+
+
+def test_a_claim_that_holds_although_cells_failed_says_so_first():
+    rows = [cell("a", rms=0.1), cell("b", rms=0.2), cell("a", status="failed", options={"samples": 30}, rms=np.nan),
+            cell("b", options={"samples": 30})]  # fmt: skip
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert judgement["verdict"] == "holds"
+    assert judgement["summary"].startswith("Judged without 1 of its cells, which failed. Holds in 1 of 1 cases")
+
+
+def test_a_claim_of_which_all_cells_failed_is_not_tested():
+    judgement = verdict_on(VALUE, cell("a", status="failed", rms=np.nan))
+
+    assert (judgement["verdict"], judgement["summary"]) == ("not tested", "Not tested: cells failed: 1.")
+
+
+def test_a_tuned_value_is_not_a_stated_one():
+    tuned = {"options": {"samples": 14, "bias": 0.0}, "tuned": {"bias": 0.0}}
+    tuned |= {"tune": {"bias": {"tune": "rms", "range": [0, 1]}}}
+    rows = cell("a", **tuned, rms=0.1), cell("a", options={"samples": 14, "bias": 0.0}, rms=0.5), cell("b", rms=0.2)
+
+    every = verdict_on(LOWER, *rows)
+    assert [n["where"] for n in every["numbers"]] == [
+        "spots, kurt, sphere, samples 14, bias tuned by rms against b",
+        "spots, kurt, sphere, samples 14, bias 0 against b",
+    ]
+    assert verdict_on({**LOWER, "where": {"bias": 0}}, *rows)["verdict"] == "does not hold"
+    best_of_all = {**LOWER, "lower": {"a": {"bias": {"tune": "rms"}}}, "than": {"a": {"bias": 0}}}
+    assert verdict_on(best_of_all, *rows)["summary"].startswith("Holds in 1 of 1 cases; rms of a (bias tuned by rms)")
+
+
+def test_lights_of_one_file_name_are_told_apart_in_verdicts():
+    rows = [cell("a", light="file", light_options={"file": f"/{at}/probe.hdr"}, n_samples=n)
+            for at, n in (("x", 14), ("y", 15))]  # fmt: skip
+
+    assert "14 (x/probe.hdr, kurt, sphere) to 15 (y/probe.hdr, kurt, sphere)" in verdict_on(VALUE, *rows)["summary"]
+
+
+def test_a_budget_that_is_no_positive_number_is_left_out():
+    judgement = verdict_on({**SLOPE, "over": "mode"}, cell("a", options={"mode": "fast"}))
+
+    assert judgement["summary"] == "Not tested: cells without a positive mode: 1."
+
+
+# ratio and value
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "verdict"),
+    [(1.0, 1.0, "holds"), (2.0, 1.0, "holds"), (2.1, 1.0, "does not hold"), (1.0, 3.0, "does not hold")],
+)
+def test_a_ratio_of_costs_lies_within_bounds(a, b, verdict):
+    judgement = verdict_on(RATIO, cell("a", shade_seconds=a), cell("b", shade_seconds=b))
+
+    assert judgement["verdict"] == verdict
+
+
+@pytest.mark.parametrize(("noise", "verdict"), [(0.04, "does not hold"), (0.06, "within noise")])
+def test_a_ratio_of_errors_knows_the_noise(noise, verdict):
+    claim = {**RATIO, "of": "rms", "between": [None, 2]}
+
+    judgement = verdict_on(claim, cell("a", rms=2.1, reference_noise=noise), cell("b", rms=1.0))
+
+    assert judgement["verdict"] == verdict
+
+
+def test_a_ratio_over_zero_is_not_tested():
+    judgement = verdict_on({**RATIO, "of": "state_bytes"}, cell("a"), cell("b", state_bytes=0))
+
+    assert judgement["summary"] == "Not tested: pairs whose divisor, state_bytes of b, is zero: 1."
+
+
+def test_stage_seconds_are_added_up():
+    judgement = verdict_on({**VALUE, "of": "stage_seconds"}, cell("a"))
+
+    assert judgement["numbers"][0]["a"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("claim", "verdict"),
+    [
+        ({"of": "n_samples", "equals": 14}, "holds"),
+        ({"of": "n_samples", "equals": 13}, "does not hold"),
+        ({"of": "n_samples", "between": [14, None]}, "holds"),
+        ({"of": "rms", "between": [0, 0.2]}, "holds"),
+        ({"of": "rms", "between": [0, 0.05]}, "does not hold"),
+        ({"of": "rms", "between": [0, 0.1001]}, "within noise"),
+        ({"of": "mean_error", "between": [0, 1]}, "holds"),
+        ({"of": "relative_rms", "equals": 0.2003}, "within noise"),
+    ],
+)
+def test_a_value_is_compared_with_its_bounds(claim, verdict):
+    assert verdict_on({"value": "a", **claim}, cell("a"))["verdict"] == verdict
+
+
+def test_a_tiny_error_is_surely_below_a_bound():
+    """No noise can carry it below zero; a signed error it can."""
+    tiny = cell("a", rms=1e-6, mean_error=1e-6)
+
+    assert verdict_on({"value": "a", "of": "rms", "between": [0, 1]}, tiny)["verdict"] == "holds"
+    assert verdict_on({"value": "a", "of": "mean_error", "between": [0, 1]}, tiny)["verdict"] == "within noise"
+
+
+# not tested
+
+
+def test_cells_that_did_not_finish_are_counted():
+    rows = [cell("a", status="skipped", rms=None), cell("a", status="failed"), cell("b", rms=float("nan"))]
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert judgement["verdict"] == "not tested"
+    assert judgement["numbers"] == []
+    assert judgement["summary"] == "Not tested: cells failed: 1; cells skipped: 1; cells without a finite rms: 1."
+
+
+def test_unfinished_cells_are_told_of_beside_a_verdict():
+    judgement = verdict_on(VALUE, cell("a"), cell("a", material="ggx", status="skipped"))
+
+    assert judgement["verdict"] == "holds"
+    assert judgement["summary"].endswith("; cells skipped: 1.")
+
+
+def test_a_run_without_such_cells_says_so():
+    judgement = verdict_on(VALUE, cell("b"))
+
+    assert judgement["summary"] == "Not tested: the run has no cell that it is about."
+
+
+def test_a_metric_that_was_not_computed_is_not_tested():
+    judgement = verdict_on({"value": "a", "of": "flip", "between": [0, 1]}, cell("a"))
+
+    assert judgement["summary"] == "Not tested: cells without a finite flip: 1."

@@ -1,0 +1,130 @@
+"""The cache of stages: each cell gets the value that it gets alone, within a bound, and none that was written to."""
+
+import pytest
+import torch
+
+from glossbench.envmap.lights.synthetic import Constant
+from glossbench.errors import MethodError
+from glossbench.shading.method import Method, prepare, stage
+from glossbench.shading.stage_cache import StageCache
+
+LIGHT = Constant(radiance=(1.0, 1.0, 1.0), resolution=2).cubemap()
+INPUTS = {"light": LIGHT, "material": "m", "scene": "s", "view": "v"}
+
+
+class Chained(Method):
+    """Each stage is made of the one before; the first alone reads the option."""
+
+    x: float = 0.0
+
+    @stage
+    def first(self, light):
+        return torch.full((256,), self.x)
+
+    @stage
+    def second(self, first):
+        return first + 1
+
+    @stage
+    def third(self, second):
+        return second * 2
+
+    def shade(self, points, third):
+        return third[:3].expand(len(points), 3)
+
+
+def third_of(x: float, cache: StageCache, patience: float = 0.0) -> float:
+    return float(prepare(Chained(x=x), INPUTS, cache, patience)["third"].value[0])
+
+
+def tuned_and_timed(cache: StageCache) -> list[float]:
+    """What cells get that are tuned over the option, then timed, as objects come and go between them."""
+    found = []
+    for x in range(8):
+        junk = [torch.zeros(i) for i in range(x)]
+        found.append(third_of(x, cache))
+        del junk
+        found.append(third_of(x, cache, patience=1e-6))
+    return found
+
+
+def test_a_chain_of_stages_gives_each_cell_what_it_gets_alone():
+    cache = StageCache()
+
+    for _ in range(10):
+        assert tuned_and_timed(cache) == [2.0 * (x + 1) for x in range(8) for _ in range(2)]
+
+
+def test_a_key_without_the_options_that_were_read_would_be_wrong(monkeypatch):
+    """Twin of the above: a stage is known by its function and its inputs alone."""
+    monkeypatch.setattr("glossbench.shading.stage_cache._hashable", lambda value: 0)
+
+    assert tuned_and_timed(StageCache()) != [2.0 * (x + 1) for x in range(8) for _ in range(2)]
+
+
+def test_a_chain_gives_the_right_values_when_nothing_fits_the_cache():
+    assert tuned_and_timed(StageCache(limit=0)) == [2.0 * (x + 1) for x in range(8) for _ in range(2)]
+
+
+def test_what_was_not_asked_for_the_longest_goes_first():
+    cache = StageCache(limit=2 * 3 * 1024)  # two chains of three stages of 1 KiB
+
+    first, second = (prepare(Chained(x=x), INPUTS, cache)["first"] for x in (0.0, 1.0))
+    again = prepare(Chained(x=0.0), INPUTS, cache)["first"]
+    prepare(Chained(x=2.0), INPUTS, cache)
+
+    assert again is first
+    assert prepare(Chained(x=0.0), INPUTS, cache)["first"] is first
+    assert prepare(Chained(x=1.0), INPUTS, cache)["first"] is not second
+
+
+def test_nothing_goes_that_a_running_method_holds():
+    cache = StageCache(limit=0)
+
+    prepared = prepare(Chained(x=1.0), INPUTS, cache)
+    cache_of_one_turn = [p for entries in cache._entries.values() for _, p in entries]
+
+    assert {id(p) for p in cache_of_one_turn} == {id(p) for p in prepared.values()}
+
+
+def test_a_stage_that_is_timed_later_keeps_the_value_that_others_are_made_of():
+    cache = StageCache()
+    cold = prepare(Chained(x=1.0), INPUTS, cache)
+
+    warm = prepare(Chained(x=1.0), INPUTS, cache, patience=1e-6)
+
+    assert all(warm[name].value is cold[name].value and warm[name].warm for name in cold)
+
+
+def test_a_value_that_is_written_to_through_numpy_breaks_the_check_and_is_made_again():
+    cache = StageCache()
+    prepare(Chained(x=1.0), INPUTS, cache)["second"].value.numpy()[0] = 99
+
+    with pytest.raises(MethodError, match=r"^mine writes into the memory of 'second', which others read$"):
+        cache.check("mine")
+
+    assert third_of(1.0, cache) == 4.0
+    assert float(prepare(Chained(x=1.0), INPUTS, cache)["second"].value[0]) == 2.0
+
+
+def test_a_value_that_is_written_to_later_is_not_handed_out():
+    cache = StageCache()
+    prepared = prepare(Chained(x=1.0), INPUTS, cache)
+    cache.check("mine")
+    prepared["third"].value.numpy()[0] = 99
+
+    assert third_of(1.0, cache) == 4.0
+
+
+def test_the_type_of_an_option_counts_beside_its_value():
+    class Whole(Method):
+        x: int = 1
+        first = vars(Chained)["first"]
+
+        def shade(self, points, first):
+            return first
+
+    cache = StageCache()
+
+    assert prepare(Chained(x=1.0), INPUTS, cache)["first"].value.dtype == torch.float32
+    assert prepare(Whole(x=1), INPUTS, cache)["first"].value.dtype == torch.int64
