@@ -119,7 +119,9 @@ def compute_reference(
     n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
     sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=device)
     done = [0] * N_REPLICATES
-    kept = Checkpoint.of(checkpoint, light.faces, material.key(), points, getattr(occluder, "key", ""), seed, device)
+    made_by = type(material), type(occluder)
+    key = getattr(occluder, "key", "")
+    kept = Checkpoint.of(checkpoint, *made_by, light.faces, material.key(), points, key, seed, device)
     kept.load(sums, done)
     engines = [
         [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]
