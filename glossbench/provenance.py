@@ -100,7 +100,7 @@ def processor() -> str:
 def provenance(
     device: str, started: datetime, source: str, plugins: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, Any]:
-    """Where results come from: `source` is the hash of the code that measured, `plugins` has the file of each plug-in."""
+    """Where results come from: `source` is the hash of what measured, `plugins` has the file of each plug-in."""
     return {
         **system_information(),
         "device": device,
