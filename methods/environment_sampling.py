@@ -6,16 +6,28 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material, Reflectance
-from glossbench.directions import PointSet, Vec3, points_2d, to_local
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.importance import luminance_distribution
-from glossbench.envmap.pyramid import finest, lookup
-from glossbench.options import Seed
-from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading.kernels import over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
-from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Material,
+    Method,
+    Occluder,
+    PointSet,
+    Reflectance,
+    Seed,
+    ShadingPoints,
+    Vec3,
+    finest,
+    lookup,
+    luminance_distribution,
+    occluder_of,
+    over_points,
+    points_2d,
+    stage,
+    to_local,
+    unhidden,
+)
 
 
 class DirectionalLights(NamedTuple):

@@ -8,15 +8,28 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material
-from glossbench.envmap.cubemap import CubeMap, bordered
-from glossbench.envmap.projections.conversion import from_cubemap
-from glossbench.envmap.pyramid import Pyramid, build_pyramid, lookup
-from glossbench.factorization import Solver
-from glossbench.options import Fraction, Resolution, Seed
-from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Fraction,
+    LightingSamples,
+    Material,
+    Method,
+    Pyramid,
+    Resolution,
+    Seed,
+    ShadingPoints,
+    Solver,
+    TexelWeight,
+    anisotropy,
+    bordered,
+    build_pyramid,
+    from_cubemap,
+    lookup,
+    sample_lighting_function,
+    stage,
+)
 
 from .factors import (
     PARAMETERS,
