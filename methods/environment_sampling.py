@@ -62,6 +62,11 @@ class EnvironmentSampling(Method):
     equation = "L_o approx 1/N sum_(i=1)^N (f(omega_o, omega_i) cos theta_i thin L(omega_i))/p(omega_i)"
     contract = Contract(furnace=0.03, linear=False, turns=0.03, budget=("samples", (64, 256, 1024, 4096)), slope=-0.5)
 
+    @property
+    def is_random(self) -> bool:
+        """The seed is of random points alone."""
+        return self.points == "random"
+
     @stage
     def lights(self, light: CubeMap) -> DirectionalLights:
         """The directional lights."""

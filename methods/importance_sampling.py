@@ -57,6 +57,11 @@ class ImportanceSampling(Method):
 
     irradiance = irradiance
 
+    @property
+    def is_random(self) -> bool:
+        """The seed is of random points alone."""
+        return self.points == "random"
+
     def n_samples(self, material: Material) -> int:
         """Samples of all lobes: at least one each."""
         return sum(material.as_lobes().share(self.samples))

@@ -147,7 +147,6 @@ class Executor:
             "reference_target": self.study.reference.relative_error * truth.mean,
             "reference_mean": truth.mean,
             "reference_samples": truth.n_samples,
-            "at_noise_floor": bool(columns["rms"] < 2 * truth.noise),
             "reference_seconds": self.results.reference_numbers(row["reference_key"])["seconds"],
         }
         return columns, image, half_vectors
@@ -190,6 +189,7 @@ class Executor:
             torch.from_numpy(self.results.standard_error(key).astype(np.float64)),
             torch.from_numpy(self.results.mask(key)),
             int(self.results.reference_numbers(key)["n_samples"]),
+            torch.from_numpy(self.results.deviates(key)),
         )
         self._truth = (key, stored)
         return stored

@@ -18,6 +18,7 @@ from glossbench.shading.method import Image, Method, budget_of, shade
 from glossbench.shading.outputs import number_of, pattern_of
 from glossbench.shading.stage_cache import StageCache
 from glossbench.study.cells import Tune
+from glossbench.truth.jackknife import unbiased
 from glossbench.truth.reference import Reference
 
 
@@ -44,12 +45,17 @@ def measure(
         MethodError: as `shade`; or a metric is no number, or the method wrote into a stage that others read.
     """
     tuned: dict[str, float] = {}
-    recorded = replace(truth, radiance=view.recorded(truth.radiance))
 
-    def metric_of(name: str, image: Image) -> float:
+    def metric_of(name: str, image: Image, reference: Reference = truth) -> float:
+        seen, recorded = (replace(each, radiance=view.recorded(each.radiance)) for each in (image, reference))
         with guarded(METRICS.get(name)):
-            value = METRICS.create(name, {})(replace(image, radiance=view.recorded(image.radiance)), recorded)
+            value = METRICS.create(name, {})(seen, recorded)
         return number_of(name, value)
+
+    def with_left_out(name: str, image: Image) -> list[float]:
+        """A metric against the reference, and against it without each group; alone if any of these is infinite."""
+        values = [metric_of(name, image, each) for each in (truth, *truth.left_out(METRICS.get(name).n_groups))]
+        return values if np.isfinite(values).all() else values[:1]
 
     def shaded(candidate: Method, time_it: bool) -> Image:
         with guarded(type(candidate)):
@@ -68,10 +74,14 @@ def measure(
     with guarded(type(method)):
         half_vectors = pattern_of(method.name, method.half_vectors(material))
     cache.check(method.name)
+    compared = {name: with_left_out(name, image) for name in dict.fromkeys([*metrics, "rms"])}
     columns = {
         "tuned": json.dumps(tuned),
         "options": json.dumps(method.as_dict(), sort_keys=True),
-        **{name: metric_of(name, image) for name in dict.fromkeys([*metrics, "rms"])},
+        **{name: unbiased(values) for name, values in compared.items()},
+        "left_out": json.dumps({name: values for name, values in compared.items() if len(values) > 1}),
+        "at_noise_floor": compared["rms"][0] < 2 * truth.noise,
+        "is_random": bool(method.is_random),
         "n_samples": image.costs.n_samples,
         "budget": budget_of(type(method)),
         "stage_seconds": json.dumps(image.costs.stage_seconds),

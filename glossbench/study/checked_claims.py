@@ -27,7 +27,7 @@ from glossbench.study.document import Document, KeyPath, path_text
 
 MAX_VALUES = 8  # that a message lists
 LARGER = ("higher", "greater", "larger", "more", "above", "worse")
-OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by")
+OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by", "margin")
 
 
 class Combined(Protocol):

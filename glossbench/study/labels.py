@@ -11,7 +11,7 @@ import numpy as np
 KINDS = ("light", "material", "view")
 JSON = (
     *(f"{kind}_options" for kind in KINDS),
-    *("options", "tuned", "tune", "stage_seconds", "update_seconds", "notes"),
+    *("options", "tuned", "tune", "stage_seconds", "update_seconds", "notes", "left_out"),
 )
 USUAL_BUDGET = "samples"  # of results whose rows do not say which option is the method's budget
 Texts = dict[str, str]

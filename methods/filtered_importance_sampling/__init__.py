@@ -124,6 +124,11 @@ class FilteredImportanceSampling(Method):
     pyramid = pyramid
     irradiance = irradiance
 
+    @property
+    def is_random(self) -> bool:
+        """The seed is of random points alone."""
+        return self.points == "random"
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.lod_bias is not None and self.k != 4:

@@ -124,6 +124,11 @@ class LightingFactorization(Method):
     # Measured: furnace 0.56, as an albedo of the angle alone is no product of n and r; turns 9e-8.
     contract = Contract(furnace=0.8, linear=False, budget=None, quick={"virtual_edge": 6, "light_edge": 16, "edge": 16})
 
+    @property
+    def is_random(self) -> bool:
+        """The seed is of Monte Carlo sums alone."""
+        return self.sampling == "monte_carlo"
+
     def supports(self, material: Material, scene: Any) -> str | None:
         """A reason for an anisotropic material."""
         return anisotropy(material)

@@ -74,7 +74,12 @@ def flipped(path: Path) -> None:
 
 DAMAGE = [emptied, halved, flipped, Path.unlink]
 OF_CELLS = ["images/*[0-9a-f].exr", "images/*_half_vectors.npy"]
-OF_REFERENCES = ["references/*[0-9a-f].exr", "references/*_standard_error.exr", "references/*_mask.png"]
+OF_REFERENCES = [
+    "references/*[0-9a-f].exr",
+    "references/*_standard_error.exr",
+    "references/*_deviates.npz",
+    "references/*_mask.png",
+]
 
 
 @pytest.mark.parametrize(
@@ -179,7 +184,9 @@ def full(monkeypatch, ending: str) -> None:
         monkeypatch.setattr(f"glossbench.{module}.replacing", Full)
 
 
-@pytest.mark.parametrize("ending", ["_standard_error.exr", "_mask.png", "_half_vectors.npy", "cells.parquet"])
+@pytest.mark.parametrize(
+    "ending", ["_standard_error.exr", "_deviates.npz", "_mask.png", "_half_vectors.npy", "cells.parquet"]
+)
 def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_path, ending):
     study, _, expected = made
     with pytest.MonkeyPatch.context() as patch:

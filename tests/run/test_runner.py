@@ -154,7 +154,7 @@ def first_again(first, tmp_path):
 def remains(folder: Path) -> dict[str, bytes]:
     """All that a run left but times: the table without their columns, the study, the verdicts, the images."""
     table = Results(folder).cells.drop(columns=TIMES).to_parquet()
-    names = [path for path in folder.rglob("*") if path.suffix in (".exr", ".png", ".yaml", ".npy")]
+    names = [path for path in folder.rglob("*") if path.suffix in (".exr", ".png", ".yaml", ".npy", ".npz")]
     files = {str(path.relative_to(folder)): path.read_bytes() for path in [*names, folder / "claims.json"]}
     return {"table": table, **files}
 
