@@ -7,13 +7,11 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, GetJsonSchemaHandler, PlainSerializer
 from pydantic_core import CoreSchema
 
-from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.brdf.material import MATERIALS, MAX_LOBES, Material, Reflectance
 from glossbench.channels import Channels, add
 from glossbench.errors import InputError
 from glossbench.options import NonNegative
 from glossbench.provenance import source_hash
-
-MAX_LOBES = 16  # as many kernels as the reference has
 
 
 def _material(value: Any) -> Material:
