@@ -4,6 +4,8 @@ Terminal, page, PDF, spreadsheet and claims read this table; `columns.json` besi
 columns of the study's metrics, for a reader that has another version or not the plug-in.
 """
 
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
@@ -15,6 +17,7 @@ Role = Literal[
     "key", "condition", "method", "status", "error", "cost", "count", "reference", "provenance", "note"
 ]  # fmt: skip
 NAN = float("nan")
+OLD_BUDGET = "samples"  # of results from before there was a column for it
 _TYPES: Mapping[str, type] = {each.__name__: each for each in (str, int, float, bool, dict, list)}
 
 
@@ -86,10 +89,12 @@ class CellRecord:
     material: Annotated[str, about("condition")]
     view: Annotated[str, about("condition")]
     method: Annotated[str, about("method")]
-    light_options: Annotated[dict[str, Any], about("condition", "options of the light")]
-    material_options: Annotated[dict[str, Any], about("condition", "options of the material")]
-    view_options: Annotated[dict[str, Any], about("condition", "options of the view")]
-    options: Annotated[dict[str, Any], about("method", "options of the method")]
+    light_options: Annotated[dict[str, Any], about("condition", "options of the light")] = field(default_factory=dict)
+    material_options: Annotated[dict[str, Any], about("condition", "options of the material")] = field(
+        default_factory=dict
+    )
+    view_options: Annotated[dict[str, Any], about("condition", "options of the view")] = field(default_factory=dict)
+    options: Annotated[dict[str, Any], about("method", "options of the method")] = field(default_factory=dict)
     tuned: Annotated[dict[str, Any], about("method", "values that tuning found")] = field(default_factory=dict)
     tune: Annotated[dict[str, Any], about("method", "how options are tuned")] = field(default_factory=dict)
     status: Annotated[str, about("status")] = "done"
@@ -121,13 +126,37 @@ class CellRecord:
     shade_runs: Annotated[int, about("provenance", "timed runs", group="shade")] = 0
     busy: Annotated[float, about("provenance", "processor taken by other work", unit="%", scale=100.0)] = NAN
     reference_seconds: Annotated[float, about("reference", "time of the reference", unit="s")] = NAN
-    version: Annotated[str, about("provenance", "version of glossbench")]
-    torch: Annotated[str, about("provenance", "version of torch")]
-    device: Annotated[str, about("provenance")]
-    processor: Annotated[str, about("provenance")]
-    seed: Annotated[int, about("provenance")]
-    light_key: Annotated[str, about("key")]
-    code: Annotated[str, about("key", "hash of the source")]
+    version: Annotated[str, about("provenance", "version of glossbench")] = ""
+    torch: Annotated[str, about("provenance", "version of torch")] = ""
+    device: Annotated[str, about("provenance")] = ""
+    processor: Annotated[str, about("provenance")] = ""
+    seed: Annotated[int, about("provenance")] = 0
+    light_key: Annotated[str, about("key")] = ""
+    code: Annotated[str, about("key", "hash of the source")] = ""
+
+    def row(self) -> dict[str, Any]:
+        """The row of the table: values by column, those of JSON columns as text."""
+        found: dict[str, Any] = {}
+        for each in fields(self):
+            value = getattr(self, each.name)
+            found |= value if each.name == "metrics" else {each.name: _text(COLUMNS[each.name], value)}
+        return found
+
+
+def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row with values for what is JSON, and None for what is missing."""
+    found: dict[str, Any] = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()}
+    for name, column in COLUMNS.items():
+        if column.is_json:
+            found[name] = json.loads(found.get(name) or "{}")
+    if found.get("budget") is None:
+        found["budget"] = OLD_BUDGET if OLD_BUDGET in found["options"] else ""
+    return found
+
+
+def _text(column: Column, value: Any) -> Any:
+    """A value as it is stored. Options are compared as text, so their order does not count; that of stages does."""
+    return json.dumps(value, sort_keys=column.role in ("condition", "method")) if column.is_json else value
 
 
 def _declared() -> dict[str, Column]:

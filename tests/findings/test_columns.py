@@ -1,10 +1,11 @@
 """The table of columns: units, roles, and what `columns.json` keeps of it."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
-from glossbench.columns import COLUMNS, Column
+from glossbench.columns import COLUMNS, CellRecord, Column, parsed
 from glossbench.errors import InputError
 from glossbench.findings.columns import column_of_metric, columns_from_json, columns_of, columns_to_json
 
@@ -58,3 +59,36 @@ def test_what_another_version_states_of_a_column_is_left_out():
 def test_what_is_not_a_table_of_columns_is_refused(stated):
     with pytest.raises(InputError, match=r"columns\.json does not hold a table of columns"):
         columns_from_json(stated)
+
+
+RECORD = CellRecord(key="k", reference_key="r", light="constant", material="ggx", view="sphere", method="many_lights")
+
+
+def test_a_row_has_every_declared_column_and_its_metrics():
+    record = replace(RECORD, metrics={"flip": 0.25})
+    assert set(record.row()) == {name for name in COLUMNS if not name.endswith("_name")} | {"flip"}
+    assert record.row()["flip"] == 0.25
+
+
+def test_options_in_another_order_are_the_same_text():
+    first, second = (
+        replace(RECORD, options=options).row()["options"] for options in ({"a": 1, "b": 2}, {"b": 2, "a": 1})
+    )
+    assert first == second == '{"a": 1, "b": 2}'
+
+
+def test_stages_keep_their_order_in_a_row():
+    row = replace(RECORD, stage_seconds={"z": 1.0, "a": 2.0}).row()
+    assert list(parsed(row)["stage_seconds"]) == ["z", "a"]
+
+
+def test_a_parsed_row_has_the_values_of_its_record_and_none_for_what_is_missing():
+    record = replace(RECORD, options={"samples": 4}, notes=["a note"], shade_seconds=0.5)
+    row = parsed(record.row())
+    assert (row["options"], row["notes"], row["shade_seconds"]) == ({"samples": 4}, ["a note"], 0.5)
+    assert row["reference_noise"] is None
+
+
+def test_a_record_takes_no_column_that_is_not_declared():
+    with pytest.raises(TypeError, match="shade_secnods"):
+        replace(RECORD, shade_secnods=1.0)
