@@ -204,7 +204,7 @@ def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_p
 def test_a_limit_on_the_size_of_files_is_one_line(tmp_path):
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, before[1]))
     try:
         with pytest.raises(CannotWrite, match=r"r/references/\S+: cannot be written: .*[Ff]ile too large"):
             run_study(study_in(tmp_path, view="{sphere: {resolution: 32}}"), tmp_path / "r")
