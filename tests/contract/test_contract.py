@@ -550,3 +550,16 @@ def test_a_name_that_cannot_be_checked_is_one_line(name, code, message, module):
 
     with pytest.raises(InputError, match=message):
         check_contract(name)
+
+
+def test_a_failed_check_names_file_and_line_of_the_plug_in_and_each_check_is_told(tmp_path, monkeypatch):
+    code = "from glossbench.shading.method import METHODS, Method\n@METHODS.register('breaks_here')\nclass B(Method):\n"
+    (tmp_path / "breaks_here_plugin.py").write_text(code + "    def shade(self, points):\n        raise KeyError(7)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    doing = []
+
+    [furnace, *others] = check_contract("breaks_here_plugin", doing.append)
+
+    assert (furnace.measured, furnace.where) == ("KeyError: 7", f"{tmp_path}/breaks_here_plugin.py:5")
+    assert doing[0] == "breaks_here: furnace"
+    assert len(doing) == 1 + len(others)

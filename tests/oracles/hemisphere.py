@@ -8,8 +8,6 @@ import torch
 from glossbench.directions import Vec3
 
 WIDTHS = [(0.02, 0.02), (0.1, 0.1), (0.5, 0.5), (0.9, 0.3), (0.05, 0.4), (1.0, 1.0)]
-
-
 VIEWS = [(0.0, 0.0), (0.6, 0.8), (1.1, 4.0), (1.45, 2.0), (1.55, 0.3)]  # theta, phi; the last is 89 degrees
 
 
