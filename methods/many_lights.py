@@ -6,15 +6,25 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material, Reflectance
-from glossbench.directions import Vec3, to_local
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.prefilter.median_cut import Partition, median_cut
-from glossbench.prefilter.shadows import Shadows, Visibility, no_shadows
-from glossbench.prefilter.stages import shadows
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading.kernels import over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Material,
+    Method,
+    Partition,
+    Reflectance,
+    ShadingPoints,
+    Shadows,
+    Vec3,
+    Visibility,
+    median_cut,
+    no_shadows,
+    over_points,
+    shadows,
+    stage,
+    to_local,
+)
 
 
 @METHODS.register("many_lights")

@@ -69,6 +69,7 @@ class FLIP(Metric):
     formula = "mean of HDR-FLIP(x, y), of both on a display"
     unit = "1"
     map_formula = "HDR-FLIP(x, y)"
+    n_groups = 4
 
     def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
         """The FLIP map."""

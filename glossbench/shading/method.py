@@ -82,6 +82,11 @@ class Method(Options):
     equation: ClassVar[str] = ""
     contract: ClassVar[Contract] = Contract()
 
+    @property
+    def is_random(self) -> bool:
+        """Whether its option `seed` moves what it shows; by default where it has one."""
+        return "seed" in option_names(type(self))
+
     def supports(self, material: Material, scene: Any) -> str | None:
         """Why this method cannot show this material on this scene; None when it can."""
         return None

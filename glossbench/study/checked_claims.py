@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 MAX_VALUES = 8  # that a message lists
 LARGER = ("higher", "greater", "larger", "more", "above", "worse")
-OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by")
+OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by", "margin")
 
 
 def checked_exclude(document: Document, study: "Study", any_light: bool) -> tuple[dict[str, Any], ...]:

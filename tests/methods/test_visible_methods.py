@@ -11,7 +11,7 @@ import glossbench as gb
 from glossbench.brdf.kurt import Kurt
 from glossbench.directions import Vec3
 from glossbench.envmap.lights.synthetic import Constant, Spots
-from glossbench.prefilter import visible_diffuse
+from glossbench.prefilter import diffuse
 from glossbench.shading import kernels, visibility
 from glossbench.shading.method import METHODS, StageCache, shade
 from glossbench.truth.reference import compute_reference
@@ -93,7 +93,7 @@ def test_mean_over_seeds_notices(method, fault, monkeypatch):
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_mean_over_seeds_notices_in_the_diffuse_part_alone(fault, monkeypatch):
-    for module in (visibility, visible_diffuse):
+    for module in (visibility, diffuse):
         monkeypatch.setattr(module, "unhidden", FAULTS[fault])
 
     assert worst_t("importance_sampling", "constant") > t_limit()

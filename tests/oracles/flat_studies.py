@@ -117,7 +117,7 @@ def study_in(folder: Path, **changes: Any) -> Study:
 def remains(folder: Path) -> dict[str, bytes]:
     """All that a run left but times: the table without their columns, the study, the verdicts, the images."""
     table = Results(folder).cells.drop(columns=TIMES).to_parquet()
-    names = [path for path in folder.rglob("*") if path.suffix in (".exr", ".png", ".yaml", ".npy")]
+    names = [path for path in folder.rglob("*") if path.suffix in (".exr", ".png", ".yaml", ".npy", ".npz")]
     files = {str(path.relative_to(folder)): path.read_bytes() for path in [*names, folder / "claims.json"]}
     return {"table": table, **files}
 
