@@ -41,7 +41,7 @@ def checked_exclude(document: Document, study: "Study", any_light: bool) -> tupl
     index = study.index
     excluded = np.zeros(len(index.codes["method"]), bool)
     options = {key for kind in (study.methods, study.materials, study.views, study.lights) for item in kind
-               for key in item.options}  # fmt: skip
+               for key in item.as_dict()}  # fmt: skip
     known = [*PLACES, "method", *options]
     names = _names(study, any_light) | {"method": {item.name for item in study.methods}}
     kept = []
@@ -71,9 +71,9 @@ def checked_claims(document: Document, study: "Study", any_light: bool) -> tuple
     """The claims; InputError for one that is wrong, or that no cell of one of its sides is about."""
     methods: dict[str, set[str]] = {}
     for item in study.methods:
-        methods.setdefault(item.name, set()).update(item.options)
+        methods.setdefault(item.name, set()).update(item.as_dict())
     names = _names(study, any_light)
-    parameters = {place: {key for item in items for key in item.options} for place, items in places_in(study).items()}
+    parameters = {place: {key for item in items for key in item.as_dict()} for place, items in places_in(study).items()}
     stages = [name for method in methods for name in stated_stages(METHODS.get(method))]
     costs = [*COLUMNS, *(f"stage_seconds.{name}" for name in stages), *(f"update_seconds.{name}" for name in CHANGES)]
     found: list[Claim] = []
@@ -114,7 +114,7 @@ def _check_where(document: Document, study: "Study", claims: list[Claim], any_li
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
-        options.setdefault(item.name, set()).update(item.options)
+        options.setdefault(item.name, set()).update(item.as_dict())
     for i, claim in enumerate(claims):
         where = {key: value for key, value in claim.where.items() if not (any_light and key == "light")}
         of_methods = set().union(*(options[name] for name in methods_of(claim)))
@@ -141,7 +141,7 @@ def places_in(study: "Study") -> dict[str, Any]:
 def _names(study: "Study", any_light: bool) -> dict[str, set[str]]:
     """What the study's lights, materials and views answer to; any light may answer to anything."""
     return {
-        place: {name for item in items for name in called(item.name, item.options)}
+        place: {name for item in items for name in called(item.name, item.as_dict())}
         for place, items in places_in(study).items()
         if not (any_light and place == "light")
     }

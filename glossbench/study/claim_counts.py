@@ -39,8 +39,8 @@ def counts(study: "Study") -> list[Count]:
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
-        options.setdefault(item.name, set()).update(item.options)
-    parameters = {place: {key for item in items for key in item.options} for place, items in places_in(study).items()}
+        options.setdefault(item.name, set()).update(item.as_dict())
+    parameters = {place: {key for item in items for key in item.as_dict()} for place, items in places_in(study).items()}
     return [_count(claim, index, kept, options, parameters) for claim in study.claims]
 
 
