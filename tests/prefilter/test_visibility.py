@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from test_reference import MATERIALS, check_z, fine_light, lights
 
 import glossbench as gb
 from glossbench.directions import Vec3, cosine_hemisphere
@@ -21,6 +20,9 @@ from glossbench.shading.kernels import over_points
 from glossbench.truth import checkpoint as checkpoint_module
 from glossbench.truth import reference as ground_truth
 from glossbench.truth.reference import compute_reference
+from oracles.cube_by_hand import fine_light
+from oracles.texel_sums import MATERIALS, lights
+from oracles.z_scores import check_z
 
 # Rays: brute force in float64, every ray against every triangle (Moeller and Trumbore 1997).
 
