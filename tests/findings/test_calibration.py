@@ -82,11 +82,11 @@ def n_false(pairs, spoilt=list) -> int:
 
 
 def test_of_200_comparisons_of_equal_methods_at_most_5_percent_are_false():
-    assert n_false(simulated(200)) <= 10  # of 2000 measured: see docs/decisions/024
+    assert n_false(simulated(200)) <= 10  # measured of 2000: 3.4 %
 
 
 def test_a_noise_twice_too_small_makes_too_many_false():
-    assert n_false(simulated(200), too_sure) > 10
+    assert n_false(simulated(200), too_sure) > 10  # measured of 2000: 13.5 %
 
 
 def test_equal_methods_are_rarely_equal_for_certain_under_such_noise():
@@ -96,6 +96,7 @@ def test_equal_methods_are_rarely_equal_for_certain_under_such_noise():
 
 @pytest.mark.parametrize(("factor", "least"), [(0.9, 0.9), (0.95, 0.3)])
 def test_the_power_to_see_a_difference(factor, least):
+    """Measured of 500: 96 % of differences of 10 %, 43 % of 5 %."""
     found = verdicts(simulated(40, factor))
 
     assert found.count(HOLDS) >= least * 40
