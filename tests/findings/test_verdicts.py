@@ -711,3 +711,24 @@ def test_a_metric_that_was_not_computed_is_not_tested():
     judgement = verdict_on({"value": "a", "of": "flip", "between": [0, 1]}, cell("a"))
 
     assert judgement["summary"] == "Not tested: cells without a finite flip: 1."
+
+
+# Which cells are compared.
+
+
+def compared(a: str, b: str):
+    """How many pairs of cells a claim compares, of two methods whose budgets have these names, at 14 and 17 each."""
+    rows = [cell(m, rms=rms, options={name or "samples": n}, budget=name)
+            for m, name, rms in (("a", a, 1.0), ("b", b, 2.0)) for n in (14, 17)]  # fmt: skip
+    return len(verdict_on(LOWER, *rows)["numbers"])
+
+
+def test_cells_are_paired_at_equal_budgets_whatever_their_names():
+    assert compared("samples", "samples") == 2
+    assert compared("rays", "rays") == 2
+    assert compared("samples", "rays") == 2
+
+
+def test_an_option_called_samples_that_is_no_budget_pairs_nothing():
+    assert compared("samples", "") == 4
+    assert compared("", "") == 4

@@ -6,13 +6,13 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_runner import Flat, interrupting, registered, remains, study_in
 
 from glossbench.atomic import replacing
 from glossbench.errors import CannotWrite, InputError
 from glossbench.run.results import AGAIN, Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.strict_json import numbers, sealed, unsealed
+from oracles.flat_studies import Flat, interrupting, registered, remains, study_in
 
 STUDY = {
     "methods": "[{flat: {samples: [1, 2]}}, {regular_sampling: }]",
@@ -22,16 +22,16 @@ STUDY = {
 
 
 @pytest.fixture(autouse=True)
-def names(monkeypatch):
-    registered(monkeypatch)
+def names():
+    with registered():
+        yield
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A study, the folder of its results, and what remains of them."""
     folder = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
-        registered(patch)
+    with registered():
         study = study_in(folder, **STUDY)
         return study, run_study(study, folder / "r").folder, remains(folder / "r")
 
