@@ -108,11 +108,10 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
 
 def _error(row: dict[str, Any], metric: str) -> str:
     """A metric with half its 95 % interval; "floor" where the reference cannot tell how large the error is."""
-    from glossbench.findings.estimates import estimate_of  # late, as they import torch
-    from glossbench.metrics import METRICS
+    from glossbench.findings.columns import column_of_metric  # late, as they import torch
+    from glossbench.findings.estimates import estimate_of
 
-    is_signed = metric in METRICS.names() and METRICS.get(metric).signed
-    if row["at_noise_floor"] and not is_signed:
+    if row["at_noise_floor"] and not column_of_metric(metric).signed:
         return "floor"
     half = estimate_of(row, metric).half_width
     return f"{row[metric]:.4g} ± {half:.1g}" if half else f"{row[metric]:.4g}"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas
 
-from glossbench.columns import parsed
+from glossbench.columns import COLUMNS, parsed
 from glossbench.findings.comparisons import (
     Case,
     Row,
@@ -34,7 +34,6 @@ from glossbench.study.claims import (
     RatioClaim,
     SlopeClaim,
     ValueClaim,
-    is_cost,
     method_of,
     methods_of,
     options_of,
@@ -129,7 +128,7 @@ class _Table:
                 notes[f"cells without a finite {column}"] += 1
             else:
                 picked.append({**row, column: value, "side": _side_of(row, column, value)})
-                notes["cells without a measured noise"] += not is_cost(column) and column not in row["left_out"]
+                notes["cells without a measured noise"] += _is_metric(column) and column not in row["left_out"]
         return picked
 
     def _pairs(
@@ -187,6 +186,11 @@ class _Table:
 
     def _place(self, row: Row, places: Collection[str] = PLACES) -> str:
         return _listed([self._names[place][identity(place, row)] for place in PLACES if place in places])
+
+
+def _is_metric(column: str) -> bool:
+    """Whether a column is of a metric; all others are declared, and those of one stage or update begin as they do."""
+    return column.partition(".")[0] not in COLUMNS
 
 
 def _spelled(side: Stated) -> str:
