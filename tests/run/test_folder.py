@@ -10,7 +10,7 @@ from test_runner import Flat, interrupting, registered, remains, study_in
 
 from glossbench.atomic import replacing
 from glossbench.errors import CannotWrite, InputError
-from glossbench.run.manifest import KEPT
+from glossbench.run.manifest import KEPT, SUMMARY
 from glossbench.run.results import AGAIN, Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.strict_json import numbers, sealed, unsealed
