@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from glossbench.findings.comparisons import noise_of
 from glossbench.metrics import METRICS
 
 from .cells import Cell, Group
@@ -75,7 +74,7 @@ class Axis:
 
     Attributes:
         label: of the axis.
-        noise: of the reference, in the metric's unit; 0 where it has no such meaning.
+        noise: half the largest error of the cells at the noise floor, all equally good; 0 where none is there.
         is_log: for errors; a metric that is higher for better images has a linear axis.
     """
 
@@ -95,8 +94,8 @@ def axis_of(place: Place, metric: str) -> Axis:
     cls = METRICS.get(metric)
     unit = "" if cls.unit == "1" else f" [{cls.unit}]"
     label = f"|{metric}|{unit}" if cls.signed else f"{metric}{unit}"
-    references = [group.reference for group in place.groups]
-    noise = max(noise_of(reference, reference, metric) for reference in references)
+    rows = [cell.row for group in place.groups for cell in group.done if cell.row["at_noise_floor"]]
+    noise = max((abs(row[metric]) / 2 for row in rows if row.get(metric) is not None), default=0.0)
     return Axis(label, noise, cls.lower_is_better)
 
 
@@ -151,7 +150,7 @@ def costing(line: Line, cost: str) -> Line:
 def front(lines: Sequence[Line], cost: str, axis: Axis) -> list[Mask]:
     """For each line, its points on the Pareto front: no other has a lower cost and error, or one and the other equal.
 
-    Errors that the reference cannot resolve count as equal: twice its noise, where the metric knows that.
+    Errors that the reference cannot resolve count as equal, the largest of them.
     """
     shown = [axis.shows(line.errors) & np.isfinite(line.costs[cost]) for line in lines]
     worse = [

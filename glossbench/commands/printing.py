@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 from rich.text import Text
 
+from glossbench.columns import parsed
 from glossbench.commands.consoles import Console, one_line
-from glossbench.study.labels import KINDS, identity, listed, names_of, parsed, told_apart
+from glossbench.study.labels import KINDS, identity, listed, names_of, told_apart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from glossbench.errors import InputError
 from glossbench.options import Options
-from glossbench.provenance import numerics_hash
+from glossbench.provenance import code_hash
 from glossbench.run.attempts import OUR_TRIES, TRIES, Attempt
 from glossbench.run.cell_items import Made, Sources
 from glossbench.run.results import Results, key_of
@@ -53,8 +53,8 @@ class CellKeys:
         guard: Callable[[Cell, str], AbstractContextManager[None]],
     ) -> None:  # fmt: skip
         self.sources = Sources(study.metrics)
-        self.code = numerics_hash()
-        self._common = [self.code, study.reference.model_dump(), study.device]
+        self.code = code_hash("glossbench.run.measuring")  # the tuning, shading and metrics that it calls among it
+        self._common = [code_hash("glossbench.truth.reference"), study.reference.model_dump(), study.device]
         self._results, self._lights, self._guard = results, lights, guard
         self._marks = results.folder / "begun"
         self._study = study  # holds its items, so that an id means one of them
@@ -69,7 +69,7 @@ class CellKeys:
         """
         sources, is_foreign = self.sources.of(cell), self.sources.any_foreign(cell)
         items = {kind: self._stated(item) for kind, item in _items(cell).items()}
-        spelled = key_of([self._common, sources, items])
+        spelled = key_of([self.code, self._common, sources, items])
         is_there = self._results.has_cell(spelled) and not self._results.damage_of_cell(spelled)
         if is_there and not again:
             return Identity(spelled, spelled)
@@ -93,7 +93,7 @@ class CellKeys:
             attempt.end()
         stated = [[*items[kind], key] for kind, key in zip(("material", "view", "method"), keys, strict=True)]
         reference_key = key_of([self._common, light_key, *(sources[place] for place in PLACES), *stated[:2]])
-        key = key_of([reference_key, stated[2], sources["method"], sources["metrics"]])
+        key = key_of([reference_key, self.code, stated[2], sources["method"], sources["metrics"]])
         return Identity(key, spelled, reference_key, keys, ended=tried.ended)
 
     def _keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:

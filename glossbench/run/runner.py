@@ -66,7 +66,7 @@ def run_study(
     _read_files([cell for i, cell in enumerate(cells) if i not in kept], executor.lights)
     _check_own_study(study, results)
     results.create()
-    started = datetime.now(UTC)
+    started, source = datetime.now(UTC), executor.keys.code
     rows: dict[int, dict[str, Any]] = {}
     running = children()
     try:
@@ -75,7 +75,7 @@ def run_study(
         entries = [
             entry(cell.record(key=each.key, seed=study.seed).row()) for cell, each in zip(cells, known, strict=True)
         ]
-        if fuller := results.begin(study.resolved(), entries, provenance(study.device, started)):
+        if fuller := results.begin(study.resolved(), entries, provenance(study.device, started, source)):
             progress.note(fuller)
         progress.begin(len(cells))
         for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # what may end the process, last
@@ -88,7 +88,7 @@ def run_study(
         study.resolved(),
         judge(study.claims, pandas.DataFrame(in_order)),
         in_order,
-        provenance(study.device, started, {name: origin(name) for name in study.plugins}),
+        provenance(study.device, started, source, {name: origin(name) for name in study.plugins}),
     )
     return results
 

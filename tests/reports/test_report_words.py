@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 import yaml
 from markupsafe import Markup
-from test_pdf import text_of
-from test_reports import data_of, write_results
 
 from glossbench.errors import InputError
 from glossbench.reports import figures, html, payload, pdf, print_tables, single_figures
 from glossbench.reports.times import time_notes
+from oracles.discs import data_of, write_results
+from oracles.pdf_pages import text_of
 
 
 @pytest.fixture(scope="module")

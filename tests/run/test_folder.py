@@ -6,7 +6,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_runner import Flat, interrupting, registered, remains, study_in
 
 from glossbench.atomic import replacing
 from glossbench.errors import CannotWrite, InputError
@@ -14,6 +13,7 @@ from glossbench.run.manifest import KEPT, SUMMARY
 from glossbench.run.results import AGAIN, Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.strict_json import numbers, sealed, unsealed
+from oracles.flat_studies import Flat, interrupting, registered, remains, study_in
 
 STUDY = {
     "methods": "[{flat: {samples: [1, 2]}}, {regular_sampling: }]",
@@ -23,16 +23,16 @@ STUDY = {
 
 
 @pytest.fixture(autouse=True)
-def names(monkeypatch):
-    registered(monkeypatch)
+def names():
+    with registered():
+        yield
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A study, the folder of its results, and what remains of them."""
     folder = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
-        registered(patch)
+    with registered():
         study = study_in(folder, **STUDY)
         return study, run_study(study, folder / "r").folder, remains(folder / "r")
 
@@ -75,7 +75,12 @@ def flipped(path: Path) -> None:
 
 DAMAGE = [emptied, halved, flipped, Path.unlink]
 OF_CELLS = ["images/*[0-9a-f].exr", "images/*_half_vectors.npy"]
-OF_REFERENCES = ["references/*[0-9a-f].exr", "references/*_standard_error.exr", "references/*_mask.png"]
+OF_REFERENCES = [
+    "references/*[0-9a-f].exr",
+    "references/*_standard_error.exr",
+    "references/*_deviates.npz",
+    "references/*_mask.png",
+]
 
 
 @pytest.mark.parametrize(
@@ -203,7 +208,9 @@ def full(monkeypatch, ending: str) -> None:
         monkeypatch.setattr(f"glossbench.{module}.replacing", Full)
 
 
-@pytest.mark.parametrize("ending", ["_standard_error.exr", "_mask.png", "_half_vectors.npy", "cells.parquet"])
+@pytest.mark.parametrize(
+    "ending", ["_standard_error.exr", "_deviates.npz", "_mask.png", "_half_vectors.npy", "cells.parquet"]
+)
 def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_path, ending):
     study, _, expected = made
     with pytest.MonkeyPatch.context() as patch:
