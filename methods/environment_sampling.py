@@ -2,7 +2,6 @@
 
 from typing import Annotated, Any, Literal, NamedTuple
 
-import torch
 from pydantic import Field
 from torch import Tensor
 
@@ -21,6 +20,7 @@ from glossbench.prefilter import (
     finest,
     lookup,
     luminance_distribution,
+    merge_channels,
     occluder_of,
     over_points,
     points_2d,
@@ -88,4 +88,4 @@ def _kernel(
     wi = to_local(lights.direction, points.t, points.b, points.n)
     weight = tuple(channel * wi.z for channel in reflectance.f(points.wo_local(), wi))
     sums = [w @ lights.power for w in unhidden(weight, points, lights.direction, occluder)]
-    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+    return merge_channels(sums)

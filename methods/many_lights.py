@@ -2,7 +2,6 @@
 
 from typing import Annotated, Any
 
-import torch
 from pydantic import Field
 from torch import Tensor
 
@@ -19,6 +18,7 @@ from glossbench.prefilter import (
     Vec3,
     Visibility,
     median_cut,
+    merge_channels,
     no_shadows,
     over_points,
     shadows,
@@ -85,4 +85,4 @@ def _kernel(
     wi = to_local(direction, points.t, points.b, points.n)
     weight = wi.z * shadows.visible(points)
     sums = [(channel * weight) @ power for channel in reflectance.f(points.wo_local(), wi)]
-    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+    return merge_channels(sums)

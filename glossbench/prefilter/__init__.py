@@ -7,7 +7,7 @@ shadows, median cut, cosine lobes, the lighting function. The files of this room
 
 from glossbench.brdf.lobe import Lobe
 from glossbench.brdf.material import Material, Reflectance
-from glossbench.channels import Channels, widen
+from glossbench.channels import LUMINANCE, Channels, merge_channels, widen
 from glossbench.directions import (
     PointSet,
     Vec3,
@@ -27,7 +27,7 @@ from glossbench.directions import (
 )
 from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates, texel_directions, texel_solid_angles
 from glossbench.envmap.harmonics import project, sh_basis
-from glossbench.envmap.importance import LUMINANCE, luminance_distribution
+from glossbench.envmap.importance import luminance_distribution
 from glossbench.envmap.projections.conversion import from_cubemap
 from glossbench.envmap.projections.resampling import bilinear
 from glossbench.envmap.pyramid import (
@@ -118,7 +118,6 @@ __all__ = [
     "vec3",
     # The light: a cube map, its texels and what is known of them.
     "CubeMap",
-    "LUMINANCE",
     "bilinear",
     "bordered",
     "face_coordinates",
@@ -140,9 +139,11 @@ __all__ = [
     "weighted_radiance",
     # The material: a sum of lobes and a diffuse part, by channel.
     "Channels",
+    "LUMINANCE",
     "Lobe",
     "Material",
     "Reflectance",
+    "merge_channels",
     "widen",
     # The scene: the points to shade, and what hides light from them.
     "Occluder",

@@ -19,8 +19,8 @@ import torch
 from torch import Tensor
 from torch.quasirandom import SobolEngine
 
-from glossbench.brdf.material import Material, Reflectance
-from glossbench.channels import Channels, add
+from glossbench.brdf.material import MAX_LOBES, Material, Reflectance
+from glossbench.channels import Channels, add, merge_channels
 from glossbench.directions import Vec3, cosine_hemisphere, to_local, to_world
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LightDistribution, luminance_distribution
@@ -153,7 +153,9 @@ def compute_reference(
     n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
     sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=device)
     done = [0] * N_REPLICATES
-    kept = Checkpoint.of(checkpoint, light.faces, material.key(), points, getattr(occluder, "key", ""), seed, device)
+    made_by = type(material), type(occluder)
+    key = getattr(occluder, "key", "")
+    kept = Checkpoint.of(checkpoint, *made_by, light.faces, material.key(), points, key, seed, device)
     kept.load(sums, done)
     engines = [
         [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]
@@ -214,7 +216,7 @@ def _from_light(points: ShadingPoints, tables: Tables, lights: LightSamples) -> 
     weight = _balanced(tables.reflectance, wo, wi, lights.pdf)
     weight = unhidden(weight, points, lights.direction, tables.occluder)
     sums = [w @ lights.radiance for w in weight]
-    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+    return merge_channels(sums)
 
 
 def _from_surface(points: ShadingPoints, tables: Tables, wo: Vec3, wi: Vec3) -> Tensor:
@@ -248,7 +250,7 @@ def _lobe_kernel(k: int) -> Callable[..., Tensor]:
 
 
 # One kernel object a lobe number: a compiled kernel is known by its object.
-_LOBE_KERNELS = [_lobe_kernel(k) for k in range(16)]
+_LOBE_KERNELS = [_lobe_kernel(k) for k in range(MAX_LOBES)]
 
 
 def _open(u: Tensor) -> Tensor:
