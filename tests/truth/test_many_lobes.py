@@ -28,14 +28,6 @@ class ManyLobes(Kurt):
 ManyLobes.name = "many_lobes"
 
 
-def test_a_material_of_as_many_lobes_as_are_allowed_is_that_of_their_sum():
-    single, shared = (
-        compute_reference(LIGHT, ManyLobes(m=(0.5, 0.5), n=n), VIEW, relative_error=0.5) for n in (1, MAX_LOBES)
-    )
-
-    assert shared.mean == pytest.approx(single.mean, abs=3 * (single.noise + shared.noise))
-
-
 def test_more_lobes_than_that_are_the_materials_fault():
     with pytest.raises(MethodError, match=r"many_lobes\.reflectance must have at most 16 lobes, got 17"):
         compute_reference(LIGHT, ManyLobes(n=MAX_LOBES + 1), VIEW)
