@@ -16,7 +16,8 @@ from glossbench.findings.estimates import Estimate, Sample, estimate
 from glossbench.metrics import METRICS
 from glossbench.scene.points import image_of
 from glossbench.scene.sphere import Sphere
-from glossbench.shading.method import METHODS, shade
+from glossbench.shading.image import shade
+from glossbench.shading.method import METHODS
 from glossbench.study.claims import LowerClaim
 from glossbench.truth.reference import N_REPLICATES, Reference, compute_reference
 
