@@ -48,11 +48,11 @@ def _registries_as_they_were():
 @pytest.fixture(scope="session", autouse=True)
 def _nothing_waits():
     """Work is not run again to be timed, but where `several_runs` is asked for; no write waits for the disk."""
-    from glossbench.shading import method, stage_cache  # late, as they import torch
+    from glossbench.shading import image, stage_cache  # late, as they import torch
     from glossbench.shading.costs import timed
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (method, stage_cache):
+        for module in (image, stage_cache):
             patch.setattr(module, "timed", lambda work, device, patience: timed(work, device, 0))
         patch.setattr(os, "fsync", lambda opened: None)
         yield
@@ -63,7 +63,7 @@ def several_runs(monkeypatch):
     """Work is timed as outside of tests: run again and again."""
     from glossbench.shading.costs import timed
 
-    for module in ("method", "stage_cache"):
+    for module in ("image", "stage_cache"):
         monkeypatch.setattr(f"glossbench.shading.{module}.timed", timed)
 
 
