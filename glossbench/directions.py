@@ -58,7 +58,12 @@ def half_vector(wo: Vec3, wi: Vec3) -> Vec3:
 
 
 def reflect(wo: Vec3, h: Vec3) -> Vec3:
-    """2 (wo . h) h - wo: the mirror direction of wo at the facet h."""
+    """2 (wo . h) h - wo: the mirror direction of wo at the facet h.
+
+    >>> up, wo = vec3(torch.tensor([0.0, 0.0, 1.0])), vec3(torch.tensor([0.6, 0.0, 0.8]))
+    >>> stack(reflect(wo, up)).round(decimals=4)
+    tensor([-0.6000,  0.0000,  0.8000])
+    """
     c = 2 * dot(wo, h)
     return Vec3(c * h.x - wo.x, c * h.y - wo.y, c * h.z - wo.z)
 
@@ -89,6 +94,12 @@ def points_2d(n: int, kind: PointSet = "hammersley", seed: int = 0) -> Tensor:
     hammersley: ((i + 1/2) / n, van der Corput of i in base 2, plus 1 / (2 n)). r2: the additive recurrence of the
     plastic number (Roberts 2018), shifted by 1/2. random: independent uniform numbers, seeded by seed and n. Only
     random depends on the seed.
+
+    >>> points_2d(4)
+    tensor([[0.1250, 0.1250],
+            [0.3750, 0.6250],
+            [0.6250, 0.3750],
+            [0.8750, 0.8750]])
     """
     if kind == "random":
         u = torch.rand(n, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(seed * 2**21 + n))
