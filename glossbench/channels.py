@@ -1,9 +1,10 @@
 """Quantities in colour: one tensor where they are grey, three where red, green and blue differ."""
 
 import torch
-from torch import Tensor
 
-Channels = tuple[Tensor, ...]
+from glossbench.shapes import Values
+
+Channels = tuple[Values, ...]
 LARGEST = 1e30  # float32 ends at 3.4e38: a sum over 10^8 pixels of this stays below
 
 

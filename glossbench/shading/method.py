@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
 import torch
+from jaxtyping import Float, Shaped
 from torch import Tensor
 
 from glossbench.brdf.material import Material
@@ -24,6 +25,7 @@ from glossbench.scene.points import ShadingPoints, View, image_of
 from glossbench.shading.costs import Costs, timed
 from glossbench.shading.outputs import count_of, pictures_of, reason_of
 from glossbench.shading.stage_cache import Prepared, StageCache, unwritten
+from glossbench.shapes import Mask, Picture, Radiance
 
 INPUTS = ("light", "material", "scene", "view")
 # What an artist or a game changes -> the input that is then new. A view change leaves the geometry as it is.
@@ -97,11 +99,11 @@ class Method(Options):
         value = getattr(self, budget_of(type(self)), 1)
         return value if isinstance(value, int) else 1
 
-    def half_vectors(self, material: Material) -> Tensor | None:
-        """The half vectors (N, 2), theta and phi, that every pixel uses for the first lobe; None if there are none."""
+    def half_vectors(self, material: Material) -> Float[Tensor, "samples 2"] | None:
+        """The half vectors, theta and phi, that every pixel uses for the first lobe; None if there are none."""
         return None
 
-    shade: ClassVar[Callable[..., Tensor]]
+    shade: ClassVar[Callable[..., Radiance]]
     # pictures(self, <stages by name>) -> {name: (H, W, 3)}: what of its state is worth looking at, for reports.
     pictures: ClassVar[Callable[..., Mapping[str, Tensor]] | None] = None
 
@@ -155,16 +157,16 @@ class Image:
     """What a method shows.
 
     Attributes:
-        radiance: (H, W, 3), float32, zero outside the mask.
-        mask: (H, W), true where the surface is seen.
+        radiance: zero outside the mask.
+        mask: true where the surface is seen.
         costs: seconds and bytes.
-        pictures: of the method's state, (H, W, 3) by name.
+        pictures: of the method's state, by name.
     """
 
-    radiance: Tensor
-    mask: Tensor
+    radiance: Picture
+    mask: Mask
     costs: Costs = field(default_factory=Costs)
-    pictures: Mapping[str, Tensor] = field(default_factory=dict)
+    pictures: Mapping[str, Shaped[Tensor, "_ _ 3"]] = field(default_factory=dict)
 
 
 @settled()
@@ -243,7 +245,7 @@ def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patien
     return prepared
 
 
-def _checked(method: Method, points: ShadingPoints, values: Any) -> Tensor:
+def _checked(method: Method, points: ShadingPoints, values: Any) -> Radiance:
     """The radiance that a method returned, or MethodError."""
     if not isinstance(values, Tensor):
         raise MethodError(f"{method.name}.shade must return a tensor, got {type(values).__name__}")
