@@ -5,18 +5,30 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.lobe import Lobe
-from glossbench.brdf.material import Material
-from glossbench.directions import PointSet, points_2d, to_world
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.pyramid import Environment, finest, weighted_radiance
-from glossbench.options import Seed
-from glossbench.prefilter.stages import irradiance
-from glossbench.prefilter.visible_diffuse import visible_diffuse
-from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading.kernels import over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
-from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Environment,
+    Lobe,
+    Material,
+    Method,
+    Occluder,
+    PointSet,
+    Radiance,
+    Seed,
+    ShadingPoints,
+    finest,
+    irradiance,
+    occluder_of,
+    over_points,
+    points_2d,
+    stage,
+    to_world,
+    unhidden,
+    visible_diffuse,
+    weighted_radiance,
+)
 
 
 @METHODS.register("importance_sampling")
@@ -46,6 +58,11 @@ class ImportanceSampling(Method):
 
     irradiance = irradiance
 
+    @property
+    def is_random(self) -> bool:
+        """The seed is of random points alone."""
+        return self.points == "random"
+
     def n_samples(self, material: Material) -> int:
         """Samples of all lobes: at least one each."""
         return sum(material.as_lobes().share(self.samples))
@@ -57,7 +74,7 @@ class ImportanceSampling(Method):
 
     def shade(
         self, points: ShadingPoints, material: Material, texels: Environment, irradiance: Tensor, scene: Any = None
-    ) -> Tensor:
+    ) -> Radiance:
         """Radiance (P, 3)."""
         reflectance = material.as_lobes(points.device)
         occluder = occluder_of(scene) if self.visibility == "rays" else None
@@ -69,7 +86,9 @@ class ImportanceSampling(Method):
         return radiance
 
 
-def _kernel(points: ShadingPoints, lobe: Lobe, samples: Any, texels: Environment, occluder: Occluder | None) -> Tensor:
+def _kernel(
+    points: ShadingPoints, lobe: Lobe, samples: Any, texels: Environment, occluder: Occluder | None
+) -> Radiance:
     """Sum over samples of one lobe."""
     wi, _, weight = lobe.sample(points.wo_local(), samples)
     d = to_world(wi, points.t, points.b, points.n)

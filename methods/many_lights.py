@@ -2,19 +2,30 @@
 
 from typing import Annotated, Any
 
-import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material, Reflectance
-from glossbench.directions import Vec3, to_local
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.prefilter.median_cut import Partition, median_cut
-from glossbench.prefilter.shadows import Shadows, Visibility, no_shadows
-from glossbench.prefilter.stages import shadows
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading.kernels import over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Material,
+    Method,
+    Partition,
+    Radiance,
+    Reflectance,
+    ShadingPoints,
+    Shadows,
+    Vec3,
+    Visibility,
+    median_cut,
+    merge_channels,
+    no_shadows,
+    over_points,
+    shadows,
+    stage,
+    to_local,
+)
 
 
 @METHODS.register("many_lights")
@@ -61,7 +72,7 @@ class ManyLights(Method):
         """The regions."""
         return median_cut(light, self.regions)
 
-    def shade(self, points: ShadingPoints, material: Material, partition: Partition, shadows: Shadows) -> Tensor:
+    def shade(self, points: ShadingPoints, material: Material, partition: Partition, shadows: Shadows) -> Radiance:
         """Radiance (P, 3)."""
         direction = Vec3(*(c[None] for c in partition.direction))
         reflectance = material.reflectance(points.device)
@@ -70,9 +81,9 @@ class ManyLights(Method):
 
 def _kernel(
     points: ShadingPoints, reflectance: Reflectance, direction: Vec3, power: Tensor, shadows: Shadows
-) -> Tensor:
+) -> Radiance:
     """Sum over lights."""
     wi = to_local(direction, points.t, points.b, points.n)
     weight = wi.z * shadows.visible(points)
     sums = [(channel * weight) @ power for channel in reflectance.f(points.wo_local(), wi)]
-    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+    return merge_channels(sums)

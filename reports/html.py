@@ -11,12 +11,13 @@ import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from glossbench.columns import parsed
 from glossbench.findings.citations import cited_by
 from glossbench.findings.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 from glossbench.strict_json import dumps
-from glossbench.study.labels import budget_of, listed, parsed, with_names
+from glossbench.study.labels import budget_of, listed, with_names
 
 from . import figures, pictures
 from .answer import answer_of, claimed, drawn

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from glossbench.findings.comparisons import noise_of
+from glossbench.findings.estimates import estimate_of
 from glossbench.metrics import METRICS
 
 from .cells import Cell, Group
@@ -42,7 +42,8 @@ class Line:
         errors: the size of the metric.
         at_floor: true where the reference cannot resolve the RMS error.
         keys: of the cells; none where a point is a mean over lights.
-        band: lower and upper end of the confidence interval, where a point is a mean over three lights or more.
+        band: lower and upper end of the 95 % interval: of the reference's noise; where a point is a mean over
+            three lights or more, of that mean; None where nothing is known of it.
         spread: shading time [ms] of the fastest and of the slowest run of each point; None where results do not say.
     """
 
@@ -75,7 +76,7 @@ class Axis:
 
     Attributes:
         label: of the axis.
-        noise: of the reference, in the metric's unit; 0 where it has no such meaning.
+        noise: half the largest error of the cells at the noise floor, all equally good; 0 where none is there.
         is_log: for errors; a metric that is higher for better images has a linear axis.
     """
 
@@ -95,8 +96,8 @@ def axis_of(place: Place, metric: str) -> Axis:
     cls = METRICS.get(metric)
     unit = "" if cls.unit == "1" else f" [{cls.unit}]"
     label = f"|{metric}|{unit}" if cls.signed else f"{metric}{unit}"
-    references = [group.reference for group in place.groups]
-    noise = max(noise_of(reference, reference, metric) for reference in references)
+    rows = [cell.row for group in place.groups for cell in group.done if cell.row["at_noise_floor"]]
+    noise = max((abs(row[metric]) / 2 for row in rows if row.get(metric) is not None), default=0.0)
     return Axis(label, noise, cls.lower_is_better)
 
 
@@ -115,6 +116,8 @@ def lines_at(place: Place, metric: str) -> list[Line]:
     ):
         points = [[rows[point] for rows in alike] for point in members]
         errors, band = _mean([[row[metric] for row in point] for point in points], is_log)
+        if len(alike) == 1:
+            band = _interval([row for [row] in points], metric, is_log)
         lines.append(
             Line(
                 place.sweep.labels[points[0][0]["key"]],
@@ -151,7 +154,7 @@ def costing(line: Line, cost: str) -> Line:
 def front(lines: Sequence[Line], cost: str, axis: Axis) -> list[Mask]:
     """For each line, its points on the Pareto front: no other has a lower cost and error, or one and the other equal.
 
-    Errors that the reference cannot resolve count as equal: twice its noise, where the metric knows that.
+    Errors that the reference cannot resolve count as equal, the largest of them.
     """
     shown = [axis.shows(line.errors) & np.isfinite(line.costs[cost]) for line in lines]
     worse = [
@@ -187,6 +190,20 @@ def _cost(row: Mapping[str, Any], cost: str) -> float:
     if cost == "memory":
         return float(row["state_bytes"]) / 1e6
     return 1e3 * float(row["shade_seconds"] if cost == "shade" else row["update_seconds"].get(cost, 0))
+
+
+def _interval(rows: Sequence[Mapping[str, Any]], metric: str, is_log: bool) -> tuple[Floats, Floats] | None:
+    """The 95 % interval of each point, by the logarithm where that is plotted; None where no noise is known."""
+    found = [estimate_of(row, metric) for row in rows]
+    half = np.array([each.half_width for each in found])
+    if not half.any() or not np.isfinite(half).all():
+        return None
+    values = np.array([row[metric] for row in rows], float)
+    if not is_log:
+        return values - half, values + half
+    sizes = np.abs(values)
+    factor = np.exp(np.divide(half, sizes, out=np.zeros_like(half), where=sizes > 0))
+    return sizes / factor, sizes * factor
 
 
 def _mean(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:

@@ -9,11 +9,12 @@ import yaml
 from matplotlib.figure import Figure
 
 from glossbench.atomic import replacing
+from glossbench.columns import parsed
 from glossbench.findings.citations import cited_by
 from glossbench.findings.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
-from glossbench.study.labels import listed, parsed
+from glossbench.study.labels import listed
 
 from .answer import answer_of, claimed
 from .cells import Group, grouped, sole_method

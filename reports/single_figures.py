@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
 from glossbench.atomic import replacing
+from glossbench.columns import parsed
 from glossbench.errors import InputError, nearest
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
-from glossbench.study.labels import parsed
 
 from .answer import answer_of, claimed
 from .cells import Group, grouped, methods_of

@@ -18,10 +18,11 @@ MODULES = (
     "glossbench.channels",
     "glossbench.envmap.cubemap",
     "glossbench.envmap.pyramid",
+    "glossbench.methods",
     "glossbench.metrics",
     "glossbench.scene.points",
     "glossbench.shading.kernels",
-    "glossbench.shading.method",
+    "glossbench.shading.image",
     "glossbench.shading.visibility",
 )
 

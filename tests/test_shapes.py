@@ -12,6 +12,7 @@ from glossbench.shading.kernels import over_points
 
 ALPHA = torch.tensor(0.3)
 ONE = torch.ones(())
+VIEW = gb.view("sphere", resolution=4)
 
 
 def up(*shape):
@@ -48,7 +49,7 @@ def test_a_density_of_points_that_meet_each_other_is_seen(monkeypatch):
 
 
 def test_a_kernel_that_returns_a_vector_is_seen():
-    points = gb.view("sphere", resolution=4).points()
+    points = VIEW.points()
 
     with pytest.raises(TypeCheckError, match="return value"):
         over_points(lambda chunk: chunk.n.x[:, 0], points, 1)
@@ -74,3 +75,10 @@ def test_errors_of_a_metric_in_single_precision_are_seen():
 
     with pytest.raises(TypeCheckError, match="'x'"):
         RMS().errors(x, x, x[..., 0] == 0)
+
+
+def test_radiance_of_a_method_in_grey_is_seen(monkeypatch):
+    monkeypatch.setattr("glossbench.methods.environment_sampling.over_points", lambda *arguments: torch.ones(4, 1))
+
+    with pytest.raises(TypeCheckError, match="return value"):
+        gb.shade(gb.method("environment_sampling"), gb.light("constant", resolution=2), gb.material("ggx"), VIEW)

@@ -18,10 +18,7 @@ from typing import Annotated
 import torch
 from pydantic import Field
 
-from glossbench import CubeMap, Material, Method, stage
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading.method import METHODS
-from glossbench.shapes import Radiance
+from glossbench.prefilter import METHODS, CubeMap, Material, Method, Radiance, ShadingPoints, stage
 
 
 @METHODS.register("flat_light")

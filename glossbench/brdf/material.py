@@ -12,6 +12,8 @@ from glossbench.options import Options
 from glossbench.registry import Registry
 from glossbench.shapes import Albedo, Directions, PairValues, PointDirections, Scalar
 
+MAX_LOBES = 16  # of a material: as many kernels as the reference has
+
 
 @dataclass(frozen=True)
 class Reflectance:

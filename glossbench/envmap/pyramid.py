@@ -13,7 +13,7 @@ from jaxtyping import Float, Int, Int32
 from torch import Tensor
 from torch.nn.functional import embedding_bag
 
-from glossbench.channels import Channels
+from glossbench.channels import Channels, merge_channels
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates
 from glossbench.shapes import Directions, Faces, PointDirections, Radiance, Texels, Values
@@ -178,7 +178,7 @@ def weighted_radiance(environment: Environment, d: Directions, lod: Values | Non
         )
         for w in weight
     ]
-    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+    return merge_channels(sums)
 
 
 def lookup(environment: Environment, d: PointDirections, lod: Float[Tensor, "points"] | None = None) -> Radiance:

@@ -1,65 +1,60 @@
 """Legends: a sentence for each word of a table or a verdict that its reader may not know, where it appears."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from inspect import cleandoc
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from glossbench.brdf.material import MATERIALS
-from glossbench.envmap.lights.light import LIGHTS
-from glossbench.findings.comparisons import NOISE
-from glossbench.options import Options
-from glossbench.registry import Registry
-from glossbench.scene.points import VIEWS
-from glossbench.shading.method import METHODS
+from glossbench.findings.comparisons import EQUAL, NOISE
+from glossbench.findings.descriptions import Descriptions, describe_options
 from glossbench.study.labels import KINDS, differing, told_apart
+from glossbench.study.registries import REGISTRIES
 
 WITHIN_NOISE = (
-    "two numbers, or a number and its bound, are nearer to each other than twice the noise of the reference, "
-    "so the reference cannot tell which is the larger"
+    "the 95 % interval contains what the number is compared with, so the reference cannot tell on which side it is"
+)
+WITHIN_MARGIN = "the two differ by less than the claim's margin, for certain"
+INTERVAL = (
+    "where the number would be for a perfect reference, in 95 of 100 cases; from the replicates of the reference and, "
+    "where a method has several seeds, from their spread"
 )
 FLOOR = (
     "the RMS error is below twice the noise of the reference, so the reference cannot tell how large the error is; "
     "all such cells are equally good"
 )
-REGISTRIES: Mapping[str, Registry[Any]] = {"light": LIGHTS, "material": MATERIALS, "view": VIEWS, "method": METHODS}
 
 
-def explain_verdicts(claims: Iterable[Mapping[str, Any]]) -> dict[str, str]:
-    """What "within noise" means, where a verdict or one of its numbers is."""
-    told = (word for claim in claims for word in (claim["verdict"], claim.get("summary", ""), *_verdicts(claim)))
-    return {NOISE: WITHIN_NOISE} if any(NOISE in word for word in told) else {}
+def explain_verdicts(claims: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """What "within noise", "equal" and an interval mean, where a verdict or one of its numbers has them."""
+    words = {claim["verdict"] for claim in claims} | {word for claim in claims for word in _verdicts(claim)}
+    said = {word: text for word, text in ((EQUAL, WITHIN_MARGIN), (NOISE, WITHIN_NOISE)) if word in words}
+    has_interval = any(re.search(r" \[[^]]+, [^]]+\] \(", str(claim.get("summary", ""))) for claim in claims)
+    return said | ({"[low, high]": INTERVAL} if has_interval else {})
 
 
-def explain_table(rows: Sequence[Mapping[str, Any]], with_decided: bool = True) -> dict[str, str]:
+def explain_table(
+    rows: Sequence[Mapping[str, Any]], with_decided: bool = True, descriptions: Descriptions | None = None
+) -> dict[str, str]:
     """What "floor" means, where a cell is there; and the options that tell the names of a table apart.
 
     Args:
         with_decided: whether names hold the options, too, that the budget decides.
+        descriptions: where the results have their own, in place of what is installed here.
     """
     said = {"floor": FLOOR} if any(row["at_noise_floor"] for row in rows) else {}
     found: dict[str, dict[str, str]] = {}  # by option and what it says, of what
     for kind, name, option in _telling(rows, with_decided):
-        registry = REGISTRIES[kind]
-        text = describe_options(registry.get(name)).get(option) if name in registry.names() else None
-        if text:
+        if text := _options(kind, name, descriptions).get(option):
             found.setdefault(option, {}).setdefault(text, name)
     for option, texts in found.items():
         said |= {option if len(texts) == 1 else f"{option} of {name}": text for text, name in texts.items()}
     return said
 
 
-def describe_options(cls: type[Options]) -> dict[str, str]:
-    """By name the first sentence that a class's docstring says of each of its options, under "Attributes:"."""
-    described: dict[str, str] = {}
-    for part in re.split(r"\n\s*\n", cleandoc(cls.__doc__ or "")):
-        if not part.startswith("Attributes:"):
-            continue
-        for entry in re.split(r"\n {4}(?! )", part)[1:]:
-            names, colon, text = entry.partition(": ")
-            sentence = re.split(r"(?<=[^.])\.(?: |$)|; ", " ".join(text.split()))[0]
-            described |= {name.strip(): sentence for name in names.split(",") if colon}
-    return described
+def _options(kind: str, name: str, descriptions: Descriptions | None) -> Mapping[str, str]:
+    if descriptions is not None:
+        found = descriptions.of(kind, name)
+        return found.options if found else {}
+    return describe_options(REGISTRIES[kind].get(name)) if name in REGISTRIES[kind].names() else {}
 
 
 def _verdicts(claim: Mapping[str, Any]) -> list[str]:

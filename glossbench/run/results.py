@@ -2,6 +2,8 @@
 
 study.yaml          the resolved study
 cells.parquet       one row a cell, in the order of the study
+columns.json        of each column of that table the unit, title and role, as the run knew them
+described.json      what the run knew of its methods, materials, lights, views and metrics
 claims.json         the verdicts
 provenance.json     versions, hardware, times
 glossbench.json     which files here are this program's, and the keys of the study's cells: there from the start
@@ -9,7 +11,8 @@ cells/KEY.json      the row of one cell, with checksums of itself and of its fil
 begun/KEY.begun     a mark while a cell is under way: how often the process ended in it
 images/KEY.exr      its image; KEY_half_vectors.npy the pattern and KEY_state_NAME.exr pictures of its state, where a
                     method has them; KEY_flip_N.npz a FLIP map, once a page was made, of N x N pixels averaged
-references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels, KEY.json its numbers
+references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_deviates.npz what its groups of replicates
+                    deviate by, KEY_mask.png its pixels, KEY.json its numbers
 """
 
 import hashlib
@@ -28,10 +31,12 @@ from torch import Tensor
 from glossbench.atomic import replacing
 from glossbench.envmap.formats.files import read_pixels, write_exr
 from glossbench.errors import InputError
+from glossbench.findings.columns import Column, columns_from_json, columns_of, columns_to_json
+from glossbench.findings.descriptions import Descriptions, describe_study
 from glossbench.findings.verdicts import judge
 from glossbench.run.folder import Folder
-from glossbench.run.manifest import COMPARED, SUMMARY, Manifest, entry, listed
-from glossbench.shading.method import Image
+from glossbench.run.manifest import COMPARED, KEPT, SUMMARY, Manifest, entry, listed
+from glossbench.shading.image import Image
 from glossbench.strict_json import dumps, loads, numbers
 from glossbench.study.claims import stated_claims
 from glossbench.study.document import dump, read_document
@@ -75,7 +80,7 @@ class Results:
         Raises:
             InputError: the folder cannot be written, or holds files of somebody else that would be lost.
         """
-        self.disk.manifest.check_foreign(self.folder, SUMMARY)
+        self.disk.manifest.check_foreign(self.folder, (*SUMMARY, *KEPT))
         self.disk.create()
 
     # A run, from its beginning to its end.
@@ -100,9 +105,12 @@ class Results:
         if is_part:
             return f"{self.folder} keeps what else it has of this study: {listed(missing)}"
         if cells != old.cells or study != before:
-            Manifest(cells, {**old.files, **dict.fromkeys(SUMMARY)}).write(self.folder)
+            Manifest(cells, {**old.files, **dict.fromkeys((*SUMMARY, *KEPT))}).write(self.folder)
             self.disk.write("study.yaml", dump(dict(study)))
             self.disk.write("provenance.json", dumps({**provenance, "finished": "not yet"}, indent=1))
+        self.disk.own(*KEPT)
+        self.disk.write("columns.json", dumps(columns_to_json(columns_of(study["metrics"]))))
+        self.disk.write("described.json", dumps(describe_study(study).as_dict()))
         return ""
 
     def finish(
@@ -130,7 +138,7 @@ class Results:
         self.disk.write("claims.json", dumps(verdicts, indent=1))
         self.disk.write("provenance.json", dumps(provenance, indent=1))
         self.disk.write_table("cells.parquet", with_names(rows))
-        files = {name: self.disk.checksum(name) for name in SUMMARY}
+        files = {name: self.disk.checksum(name) for name in (*SUMMARY, *KEPT)}
         Manifest(tuple(map(entry, rows)), {**old.files, **files}, True).write(self.folder)
 
     # Cells.
@@ -181,8 +189,11 @@ class Results:
         written = [
             self._write_image(f"references/{key}.exr", truth.radiance),
             self._write_image(f"references/{key}_standard_error.exr", truth.standard_error),
+            f"references/{key}_deviates.npz",
             f"references/{key}_mask.png",
         ]
+        with replacing(self.disk.path(written[2])) as part, part.open("wb") as file:
+            np.savez_compressed(file, deviates=truth.deviates.numpy())
         with replacing(self.disk.path(written[-1])) as part:
             Picture.fromarray(truth.mask.numpy().astype(np.uint8) * 255).save(part, format="PNG")
         self.disk.write_with(f"references/{key}.json", {"n_samples": truth.n_samples, "seconds": seconds}, written)
@@ -223,6 +234,22 @@ class Results:
         return cells
 
     @property
+    def columns(self) -> dict[str, Column]:
+        """The columns of the cells by name, as the run knew them; of older results, as this version knows them."""
+        if not self.disk.is_altered("columns.json"):
+            with suppress(OSError, ValueError, InputError):
+                return columns_from_json(loads(self.disk.path("columns.json").read_bytes()))
+        return columns_of(self.study["metrics"])
+
+    @property
+    def descriptions(self) -> Descriptions:
+        """What the run knew of all that its study names; of older results, what is installed here."""
+        if not self.disk.is_altered("described.json"):
+            with suppress(OSError, ValueError, InputError):
+                return Descriptions.of_dict(loads(self.disk.path("described.json").read_bytes()))
+        return describe_study(self.study, is_of_run=False)
+
+    @property
     def claims(self) -> list[dict[str, Any]]:
         """The verdicts; of a run that is not finished those on the cells that are there, and each says so."""
         if self.disk.manifest.is_finished and not self.disk.is_altered("claims.json"):
@@ -249,7 +276,7 @@ class Results:
         found = [f"{len(cells)} of {len(of)} cells are done: the claims are judged on these"]
         damaged = [reason.removesuffix(AGAIN) for reason in map(str, cells["reason"]) if reason.endswith(AGAIN)]
         more = f", and {len(damaged) - 1} more cells have damaged files" if len(damaged) > 1 else ""
-        altered = [self.disk.fault(name) for name in SUMMARY if self.disk.is_altered(name)]
+        altered = [self.disk.fault(name) for name in (*SUMMARY, *KEPT) if self.disk.is_altered(name)]
         lines = [f"{first}{more}{AGAIN}" for first in damaged[:1]] + [f"{line}{AGAIN}" for line in altered]
         return (found if len(cells) < len(of) else []) + lines
 
@@ -264,6 +291,11 @@ class Results:
     def standard_error(self, key: str) -> NDArray[np.float32]:
         """Standard error (H, W, 3) of a reference."""
         return self._pixels(f"references/{key}_standard_error.exr")
+
+    def deviates(self, key: str) -> NDArray[np.float16]:
+        """What each group of replicates of a reference deviates by (G, H, W, 3), in standard errors."""
+        with self.disk.path(f"references/{key}_deviates.npz").open("rb") as file, np.load(file) as stored:
+            return np.asarray(stored["deviates"])
 
     def mask(self, key: str) -> NDArray[np.bool_]:
         """Pixels (H, W) of a reference that show the surface."""

@@ -2,13 +2,17 @@
 
 import json
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
+from glossbench.brdf.material import Material
+from glossbench.envmap.lights.light import Light
 from glossbench.errors import nearest
+from glossbench.scene.points import View
 from glossbench.shading.method import CHANGES, METHODS, stated_stages
 from glossbench.study.cell_index import CellIndex, Mask
+from glossbench.study.cells import Candidate
 from glossbench.study.claim_names import unknown_name, unknown_place
 from glossbench.study.claims import (
     COLUMNS,
@@ -24,15 +28,33 @@ from glossbench.study.claims import (
 )
 from glossbench.study.document import Document, KeyPath, path_text
 
-if TYPE_CHECKING:
-    from glossbench.study.study import Study
-
 MAX_VALUES = 8  # that a message lists
 LARGER = ("higher", "greater", "larger", "more", "above", "worse")
-OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by")
+OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by", "margin")
 
 
-def checked_exclude(document: Document, study: "Study", any_light: bool) -> tuple[dict[str, Any], ...]:
+class Combined(Protocol):
+    """What exclusions and claims are checked against: the items of a study, and all combinations of them."""
+
+    @property
+    def lights(self) -> tuple[Light, ...]: ...
+    @property
+    def materials(self) -> tuple[Material, ...]: ...
+    @property
+    def views(self) -> tuple[View, ...]: ...
+    @property
+    def methods(self) -> tuple[Candidate, ...]: ...
+    @property
+    def metrics(self) -> tuple[str, ...]: ...
+    @property
+    def exclude(self) -> tuple[dict[str, Any], ...]: ...
+    @property
+    def index(self) -> CellIndex: ...
+    @property
+    def kept(self) -> Mask: ...
+
+
+def checked_exclude(document: Document, study: Combined, any_light: bool) -> tuple[dict[str, Any], ...]:
     """The exclusions that leave out a cell; InputError for one that does not, or that has an unknown key.
 
     Args:
@@ -41,7 +63,7 @@ def checked_exclude(document: Document, study: "Study", any_light: bool) -> tupl
     index = study.index
     excluded = np.zeros(len(index.codes["method"]), bool)
     options = {key for kind in (study.methods, study.materials, study.views, study.lights) for item in kind
-               for key in item.options}  # fmt: skip
+               for key in item.as_dict()}  # fmt: skip
     known = [*PLACES, "method", *options]
     names = _names(study, any_light) | {"method": {item.name for item in study.methods}}
     kept = []
@@ -67,13 +89,13 @@ def checked_exclude(document: Document, study: "Study", any_light: bool) -> tupl
     return tuple(kept)
 
 
-def checked_claims(document: Document, study: "Study", any_light: bool) -> tuple[Claim, ...]:
+def checked_claims(document: Document, study: Combined, any_light: bool) -> tuple[Claim, ...]:
     """The claims; InputError for one that is wrong, or that no cell of one of its sides is about."""
     methods: dict[str, set[str]] = {}
     for item in study.methods:
-        methods.setdefault(item.name, set()).update(item.options)
+        methods.setdefault(item.name, set()).update(item.as_dict())
     names = _names(study, any_light)
-    parameters = {place: {key for item in items for key in item.options} for place, items in places_in(study).items()}
+    parameters = {place: {key for item in items for key in item.as_dict()} for place, items in places_in(study).items()}
     stages = [name for method in methods for name in stated_stages(METHODS.get(method))]
     costs = [*COLUMNS, *(f"stage_seconds.{name}" for name in stages), *(f"update_seconds.{name}" for name in CHANGES)]
     found: list[Claim] = []
@@ -109,12 +131,12 @@ def _instead_of(entry: Any) -> str:
     return "; that a column of one method has a value is written value: METHOD, of: COLUMN" if is_value else ""
 
 
-def _check_where(document: Document, study: "Study", claims: list[Claim], any_light: bool) -> None:
+def _check_where(document: Document, study: Combined, claims: list[Claim], any_light: bool) -> None:
     """InputError for a claim that no cell of one of its sides is about."""
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
-        options.setdefault(item.name, set()).update(item.options)
+        options.setdefault(item.name, set()).update(item.as_dict())
     for i, claim in enumerate(claims):
         where = {key: value for key, value in claim.where.items() if not (any_light and key == "light")}
         of_methods = set().union(*(options[name] for name in methods_of(claim)))
@@ -133,15 +155,15 @@ def _check_where(document: Document, study: "Study", claims: list[Claim], any_li
             raise document.error(path, f"{path_text(path)} fits no cell of {name}{_held(index, own, keys)}")
 
 
-def places_in(study: "Study") -> dict[str, Any]:
+def places_in(study: Combined) -> dict[str, Any]:
     """The study's lights, materials and views."""
     return {"light": study.lights, "material": study.materials, "view": study.views}
 
 
-def _names(study: "Study", any_light: bool) -> dict[str, set[str]]:
+def _names(study: Combined, any_light: bool) -> dict[str, set[str]]:
     """What the study's lights, materials and views answer to; any light may answer to anything."""
     return {
-        place: {name for item in items for name in called(item.name, item.options)}
+        place: {name for item in items for name in called(item.name, item.as_dict())}
         for place, items in places_in(study).items()
         if not (any_light and place == "light")
     }

@@ -3,15 +3,23 @@
 from typing import Annotated
 
 from pydantic import Field
-from torch import Tensor
 
-from glossbench.brdf.material import Material
-from glossbench.directions import Vec3, to_local
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.factorization import Solver
-from glossbench.prefilter.median_cut import Partition, median_cut, whole
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Material,
+    Method,
+    Partition,
+    Radiance,
+    ShadingPoints,
+    Solver,
+    Vec3,
+    median_cut,
+    stage,
+    to_local,
+    whole,
+)
 
 from .factors import BRDFFactors, factor_brdf
 
@@ -74,7 +82,7 @@ class BRDFFactorization(Method):
         """The directional lights."""
         return whole(light) if self.lights == 1 else median_cut(light, self.lights)
 
-    def shade(self, points: ShadingPoints, material: Material, factors: BRDFFactors, sources: Partition) -> Tensor:
+    def shade(self, points: ShadingPoints, material: Material, factors: BRDFFactors, sources: Partition) -> Radiance:
         """Radiance (P, 3)."""
         wo = points.wo_local()
         total = points.n.x.new_zeros(len(points), 3)

@@ -7,22 +7,44 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.lobe import Lobe
-from glossbench.brdf.material import Material
-from glossbench.channels import Channels
-from glossbench.directions import PointSet, Vec3, dot, normalize, points_2d, scale, spherical, to_world
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.harmonics import project
-from glossbench.envmap.importance import luminance_distribution
-from glossbench.envmap.pyramid import Environment, MipFilter, weighted_radiance
-from glossbench.errors import InputError
-from glossbench.options import Finite, Seed
-from glossbench.prefilter.stages import irradiance, pyramid
-from glossbench.prefilter.visible_diffuse import visible_diffuse
-from glossbench.scene.points import Occluder, ShadingPoints, View
-from glossbench.shading.kernels import PerPoint, over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
-from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.prefilter import (
+    METHODS,
+    Channels,
+    Contract,
+    CubeMap,
+    Environment,
+    Finite,
+    InputError,
+    Lobe,
+    Material,
+    Method,
+    MipFilter,
+    Occluder,
+    PerPoint,
+    PointSet,
+    Radiance,
+    Seed,
+    ShadingPoints,
+    Vec3,
+    View,
+    dot,
+    filtered_samples,
+    irradiance,
+    luminance_distribution,
+    normalize,
+    occluder_of,
+    over_points,
+    points_2d,
+    project,
+    pyramid,
+    scale,
+    spherical,
+    stage,
+    to_world,
+    unhidden,
+    visible_diffuse,
+    weighted_radiance,
+)
 
 from .visibility_harmonics import fit_visibility, smooth, visibility_at
 
@@ -104,6 +126,11 @@ class FilteredImportanceSampling(Method):
     pyramid = pyramid
     irradiance = irradiance
 
+    @property
+    def is_random(self) -> bool:
+        """The seed is of random points alone."""
+        return self.points == "random"
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.lod_bias is not None and self.k != 4:
@@ -142,7 +169,7 @@ class FilteredImportanceSampling(Method):
         scene: Any = None,
         light_coefficients: Tensor | None = None,
         visibility_coefficients: PerPoint | None = None,
-    ) -> Tensor:
+    ) -> Radiance:
         """Radiance (P, 3)."""
         reflectance = material.as_lobes(points.device)
         occluder = occluder_of(scene) if self.visibility == "rays" else None
@@ -181,11 +208,9 @@ def _isotropic(
     pyramid: Environment,
     level: Tensor,
     hidden: Occluder | Tensor | None = None,
-) -> Tensor:
+) -> Radiance:
     """Sum over samples of one lobe; level = log4(K / N) and the bias."""
-    wi, pdf, weight = lobe.sample(points.wo_local(), samples)
-    d = to_world(wi, points.t, points.b, points.n)
-    lod = level + 0.5 * (pyramid.log2_texels_per_sr(d) - torch.log2(pdf))
+    wi, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
     return weighted_radiance(pyramid, d, lod, _attenuated(weight, points, d, wi, hidden))
 
 
@@ -226,7 +251,7 @@ def _affine(
     level: Tensor,
     places: Tensor,
     hidden: Occluder | Tensor | None = None,
-) -> Tensor:
+) -> Radiance:
     """Sum over samples of one lobe; places of the probes along the major axis, in half axes."""
     wo = points.wo_local()
     wi, _, weight = lobe.sample(wo, samples)

@@ -5,8 +5,6 @@ from math import pi
 
 import pytest
 import torch
-from test_brdf import random_hemisphere, vectors
-from test_reference import Glossy, check_z, extrapolated, lights, reference
 
 from glossbench.brdf.ggx import GGX
 from glossbench.brdf.kurt import Kurt
@@ -23,10 +21,14 @@ from glossbench.methods.filtered_importance_sampling import FilteredImportanceSa
 from glossbench.methods.importance_sampling import ImportanceSampling
 from glossbench.methods.regular_sampling import RegularSampling
 from glossbench.scene.sphere import Sphere
-from glossbench.shading.method import StageCache, shade
+from glossbench.shading.image import shade
+from glossbench.shading.stage_cache import StageCache
 from glossbench.study.schema import schema
 from glossbench.study.study import load_study
 from glossbench.truth.reference import compute_reference
+from oracles.hemisphere import random_hemisphere, vectors
+from oracles.texel_sums import Glossy, extrapolated, lights
+from oracles.z_scores import check_z, reference
 
 PARTS = (
     Kurt(m=(0.2, 0.4), f0=(0.9, 0.6, 0.2), kd=0.1),
@@ -252,11 +254,11 @@ def test_a_list_of_materials_is_one_sum_and_a_list_of_lists_sweeps(study_of):
     one = study_of("{sum: {of: [{kurt: {m: 0.1}}, phong], weights: [0.7, 0.3]}}")
     four = study_of("{sum: {of: [[{kurt: {m: 0.1}}, phong], [ggx, phong]], weights: [[0.7, 0.3], [0.5, 0.5]]}}")
 
-    assert [item.options["weights"] for item in one.materials] == [[0.7, 0.3]]
-    assert [[next(iter(part)) for part in item.options["of"]] for item in four.materials] == [
+    assert [item.as_dict()["weights"] for item in one.materials] == [[0.7, 0.3]]
+    assert [[next(iter(part)) for part in item.as_dict()["of"]] for item in four.materials] == [
         ["kurt", "phong"], ["kurt", "phong"], ["ggx", "phong"], ["ggx", "phong"]
     ]  # fmt: skip
-    assert [item.options["weights"] for item in four.materials] == [[0.7, 0.3], [0.5, 0.5]] * 2
+    assert [item.as_dict()["weights"] for item in four.materials] == [[0.7, 0.3], [0.5, 0.5]] * 2
 
 
 def test_a_resolved_study_spells_every_inner_option_out_and_loads_again(study_of):

@@ -69,15 +69,15 @@ def gone():
 
 @pytest.fixture
 def study_of(tmp_path, monkeypatch):
-    for registry, cls in ((METHODS, Shown), (LIGHTS, Gone), (METRICS, Odd)):
-        registry.names()
-        monkeypatch.setitem(registry._classes, cls.name, cls)
 
     def make(light="constant", metrics="[rms]"):
         (tmp_path / "s.yaml").write_text(STUDY.replace("LIGHT", light).replace("METRICS", metrics))
         return load_study(tmp_path / "s.yaml")
 
-    return make
+    with METHODS.isolated(), LIGHTS.isolated(), METRICS.isolated():
+        for registry, cls in ((METHODS, Shown), (LIGHTS, Gone), (METRICS, Odd)):
+            registry.register(cls.name)(cls)
+        yield make
 
 
 @pytest.fixture
@@ -202,7 +202,7 @@ def ended(study_of, tmp_path, monkeypatch):
         monkeypatch.setattr("glossbench.run.cell_keys.TRIES", tries)
         executor = Executor(study_of(), Results(tmp_path / "r"), Progress())
         executor.results.create()
-        known = {cell.method.options["level"]: executor.keys.of(cell).spelled for cell in cells}
+        known = {cell.method.level: executor.keys.of(cell).spelled for cell in cells}
         (tmp_path / "r" / "begun").mkdir()
         for level, n in times.items():
             mark = {"times": n, "host": socket.gethostname(), "pid": DEAD}

@@ -6,13 +6,14 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_runner import Flat, interrupting, registered, remains, study_in
 
 from glossbench.atomic import replacing
 from glossbench.errors import CannotWrite, InputError
+from glossbench.run.manifest import KEPT, SUMMARY
 from glossbench.run.results import AGAIN, Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.strict_json import numbers, sealed, unsealed
+from oracles.flat_studies import Flat, interrupting, registered, remains, study_in
 
 STUDY = {
     "methods": "[{flat: {samples: [1, 2]}}, {regular_sampling: }]",
@@ -22,16 +23,16 @@ STUDY = {
 
 
 @pytest.fixture(autouse=True)
-def names(monkeypatch):
-    registered(monkeypatch)
+def names():
+    with registered():
+        yield
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A study, the folder of its results, and what remains of them."""
     folder = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
-        registered(patch)
+    with registered():
         study = study_in(folder, **STUDY)
         return study, run_study(study, folder / "r").folder, remains(folder / "r")
 
@@ -74,7 +75,12 @@ def flipped(path: Path) -> None:
 
 DAMAGE = [emptied, halved, flipped, Path.unlink]
 OF_CELLS = ["images/*[0-9a-f].exr", "images/*_half_vectors.npy"]
-OF_REFERENCES = ["references/*[0-9a-f].exr", "references/*_standard_error.exr", "references/*_mask.png"]
+OF_REFERENCES = [
+    "references/*[0-9a-f].exr",
+    "references/*_standard_error.exr",
+    "references/*_deviates.npz",
+    "references/*_mask.png",
+]
 
 
 @pytest.mark.parametrize(
@@ -117,7 +123,7 @@ def test_damaged_numbers_are_made_again(made, folder, pattern, harm):
     assert remains(folder) == expected
 
 
-@pytest.mark.parametrize("name", ["cells.parquet", "claims.json", "provenance.json", "study.yaml", "glossbench.json"])
+@pytest.mark.parametrize("name", [*SUMMARY, *KEPT, "glossbench.json"])
 @pytest.mark.parametrize("harm", [halved, Path.unlink])
 def test_a_damaged_summary_is_read_from_the_cells_and_written_again(made, folder, name, harm):
     study, _, expected = made
@@ -133,6 +139,29 @@ def test_a_damaged_summary_is_read_from_the_cells_and_written_again(made, folder
     assert said_by(study, folder) == []
     assert remains(folder) == expected
     assert Results.open(folder).remarks(cells) == []
+
+
+def test_results_keep_the_columns_and_descriptions_of_their_run(folder, monkeypatch):
+    expected = Results(folder).columns, Results(folder).descriptions
+    monkeypatch.setattr("glossbench.metrics.pixelwise.RMS.unit", "candela")
+    monkeypatch.setattr("glossbench.metrics.pixelwise.RMS.__doc__", "Another text.")
+
+    found = Results(folder)
+
+    assert (found.columns, found.descriptions) == expected
+    assert (found.columns["rms"].unit, found.descriptions.is_of_run) == ("radiance", True)
+
+
+@pytest.mark.parametrize("harm", [halved, Path.unlink])
+def test_results_without_their_columns_and_descriptions_have_those_of_what_is_installed(folder, monkeypatch, harm):
+    """Twin of the above."""
+    for name in KEPT:
+        harm(folder / name)
+    monkeypatch.setattr("glossbench.metrics.pixelwise.RMS.unit", "candela")
+
+    found = Results(folder)
+
+    assert (found.columns["rms"].unit, found.descriptions.is_of_run) == ("candela", False)
 
 
 def test_whole_results_are_not_made_again(made, folder):
@@ -179,7 +208,9 @@ def full(monkeypatch, ending: str) -> None:
         monkeypatch.setattr(f"glossbench.{module}.replacing", Full)
 
 
-@pytest.mark.parametrize("ending", ["_standard_error.exr", "_mask.png", "_half_vectors.npy", "cells.parquet"])
+@pytest.mark.parametrize(
+    "ending", ["_standard_error.exr", "_deviates.npz", "_mask.png", "_half_vectors.npy", "cells.parquet"]
+)
 def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_path, ending):
     study, _, expected = made
     with pytest.MonkeyPatch.context() as patch:
@@ -197,10 +228,10 @@ def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_p
 def test_a_limit_on_the_size_of_files_is_one_line(tmp_path):
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (16384, before[1]))
     try:
         with pytest.raises(CannotWrite, match=r"r/references/\S+: cannot be written: .*[Ff]ile too large"):
-            run_study(study_in(tmp_path, view="{sphere: {resolution: 32}}"), tmp_path / "r")
+            run_study(study_in(tmp_path, view="{sphere: {resolution: 64}}"), tmp_path / "r")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 

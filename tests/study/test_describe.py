@@ -119,6 +119,17 @@ def test_a_claim_is_about_so_many_cells_or_pairs(write, claim, count):
     assert about(write, claim) == [count]
 
 
+@pytest.mark.parametrize(
+    ("points", "more", "n"),
+    [("random", "", 1), ("hammersley", "", 4), ("random", ", paired_by: seed", 2), ("random", ", where: {seed: 1}", 1)],
+)
+def test_several_seeds_of_random_points_are_one_pair(write, points, more, n):
+    of = f"samples: 4, points: {points}, seed: [1, 2]"
+    methods = f"[{{importance_sampling: {{{of}}}}}, {{environment_sampling: {{{of}}}}}]"
+
+    assert about(write, PAIR + more, methods=methods) == [Count(n, "pair")]
+
+
 def test_a_claim_whose_sides_never_meet_is_said_to_be_untestable(words):
     exclude = "[{method: importance_sampling, samples: 8}, {method: environment_sampling, samples: 4}]"
 
@@ -135,14 +146,7 @@ def test_the_pairs_that_are_counted_are_those_that_the_verdict_finds(write):
     from glossbench.findings.verdicts import judge
 
     study = load_study(write(claims=f"[{{text: A, {PAIR}}}, {{text: B, {PAIR}, where: {{samples: 8}}}}]"))
-    rows = [
-        {
-            "light": cell.light.name, "light_options": cell.light.json, "material": cell.material.name,
-            "material_options": cell.material.json, "view": cell.view.name, "view_options": cell.view.json,
-            "method": cell.method.name, "options": cell.method.json, "status": "done", "rms": 1.0, "n_samples": 1,
-        }
-        for cell in study.cells()
-    ]  # fmt: skip
+    rows = [cell.record(metrics={"rms": 1.0}, n_samples=1).row() for cell in study.cells()]
 
     verdicts = judge(study.claims, pandas.DataFrame(rows))
 
