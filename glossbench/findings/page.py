@@ -1,5 +1,6 @@
 """The page of findings in Markdown: each claim of each study with its verdict, its numbers and where they come from."""
 
+import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
@@ -33,7 +34,19 @@ def findings_page(summaries: Sequence[Summary], studies: Collection[str] = (), e
         parts += _section(summary)
     if missing := sorted(set(studies) - {summary.name for summary in summaries}):
         parts += ["## Studies without a summary", "\n".join(f"- `{name}`" for name in missing)]
-    return "\n\n".join(part for part in [*parts, earlier.strip()] if part) + "\n"
+    still = _without_rows(earlier, {summary.name for summary in summaries})
+    return "\n\n".join(part for part in [*parts, still] if part) + "\n"
+
+
+def _without_rows(earlier: str, names: Collection[str]) -> str:
+    """A text without the rows of its table that are about these studies; a row without a name is about the last one."""
+    kept, name = [], ""
+    for line in earlier.strip().splitlines():
+        row = re.match(r"\| (?:`(\w+)`)? ?\|", line)
+        name = (row[1] or name) if row else ""
+        if name not in names:
+            kept.append(line)
+    return "\n".join(kept)
 
 
 def _section(summary: Summary) -> Iterator[str]:
