@@ -55,8 +55,8 @@ def page_of_files() -> str:
         for each in entries()
     ]
     introduction = (
-        "These files are not part of the distribution. `glossbench data fetch NAME` brings one; a study that names one "
-        "brings it by itself. Environments are lights and measured BRDFs are materials of this name; a mesh is a `file` "
+        "These files are not part of the distribution. `glossbench data fetch NAME` brings one; a study that names it "
+        "does so by itself. Environments are lights and measured BRDFs are materials of this name; a mesh is a `file` "
         "of the view `mesh`."
     )
     table = "\n".join(["| name | kind | what it is good for | MB | licence |", "|---|---|---|---|---|", *rows])
