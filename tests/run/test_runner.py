@@ -487,7 +487,7 @@ def lit_by_a_file(study_of, tmp_path, monkeypatch):
         decoded.append(path.name)
         return read_file(path, *rest)
 
-    monkeypatch.setattr("glossbench.envmap.lights.light.read_file", counting)
+    monkeypatch.setattr("glossbench.envmap.lights.file_light.read_file", counting)
     return study, tmp_path / "r", decoded
 
 
