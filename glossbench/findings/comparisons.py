@@ -135,6 +135,7 @@ def _within(found: Estimate, bounds: Bounds, edges: Sequence[float]) -> str:
 
 def _edges(bounds: Bounds, column: str, samples: Sequence[Sample]) -> list[float]:
     """The bounds that noise may carry a number across: 0 is none of what is never below it."""
-    is_signed = column in METRICS.names() and METRICS.get(column).signed
+    name = column.partition(" (")[0]  # options come in brackets
+    is_signed = name in METRICS.names() and METRICS.get(name).signed
     may_be_negative = is_signed or min(min(sample.values) for sample in samples) < 0
     return [bound for bound in bounds if bound is not None and (bound != 0 or may_be_negative)]
