@@ -42,6 +42,21 @@ class Options:
 
     Each annotated attribute is an option; `Annotated[int, Field(ge=1)]` states a bound (pydantic's notation).
     A value of the wrong type, out of bounds, or an unknown name raises InputError with one line.
+
+    >>> class Blur(Options):
+    ...     name = "blur"
+    ...     width: Annotated[float, Field(gt=0, le=1)] = 0.5
+    ...
+    >>> Blur.create({"width": 0.1})
+    Blur(width=0.1)
+    >>> Blur(width=2)
+    Traceback (most recent call last):
+        ...
+    glossbench.errors.InputError: blur.width must be less than or equal to 1, got 2
+    >>> Blur.create({"widht": 0.1})
+    Traceback (most recent call last):
+        ...
+    glossbench.errors.InputError: blur: unknown option 'widht'; did you mean 'width'?
     """
 
     name: ClassVar[str] = ""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from glossbench.findings.estimates import estimate_of
 from glossbench.metrics import METRICS
 
 from .cells import Cell, Group
@@ -41,7 +42,8 @@ class Line:
         errors: the size of the metric.
         at_floor: true where the reference cannot resolve the RMS error.
         keys: of the cells; none where a point is a mean over lights.
-        band: lower and upper end of the confidence interval, where a point is a mean over three lights or more.
+        band: lower and upper end of the 95 % interval: of the reference's noise; where a point is a mean over
+            three lights or more, of that mean; None where nothing is known of it.
         spread: shading time [ms] of the fastest and of the slowest run of each point; None where results do not say.
     """
 
@@ -114,6 +116,8 @@ def lines_at(place: Place, metric: str) -> list[Line]:
     ):
         points = [[rows[point] for rows in alike] for point in members]
         errors, band = _mean([[row[metric] for row in point] for point in points], is_log)
+        if len(alike) == 1:
+            band = _interval([row for [row] in points], metric, is_log)
         lines.append(
             Line(
                 place.sweep.labels[points[0][0]["key"]],
@@ -186,6 +190,20 @@ def _cost(row: Mapping[str, Any], cost: str) -> float:
     if cost == "memory":
         return float(row["state_bytes"]) / 1e6
     return 1e3 * float(row["shade_seconds"] if cost == "shade" else row["update_seconds"].get(cost, 0))
+
+
+def _interval(rows: Sequence[Mapping[str, Any]], metric: str, is_log: bool) -> tuple[Floats, Floats] | None:
+    """The 95 % interval of each point, by the logarithm where that is plotted; None where no noise is known."""
+    found = [estimate_of(row, metric) for row in rows]
+    half = np.array([each.half_width for each in found])
+    if not half.any() or not np.isfinite(half).all():
+        return None
+    values = np.array([row[metric] for row in rows], float)
+    if not is_log:
+        return values - half, values + half
+    sizes = np.abs(values)
+    factor = np.exp(np.divide(half, sizes, out=np.zeros_like(half), where=sizes > 0))
+    return sizes / factor, sizes * factor
 
 
 def _mean(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:

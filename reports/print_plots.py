@@ -101,8 +101,8 @@ def against_costs(place: Place, metric: str) -> list[Panel]:
 
 @style(SMALL)
 def plot(panels: Sequence[Panel]) -> Figure:
-    """Panels side by side: shaded up to twice the reference's noise, dashed the Pareto front, and where points are
-    means over lights a band of confidence. The key has the lines of the first, with their slopes where it is over a
+    """Panels side by side: shaded up to twice the reference's noise, dashed the Pareto front, and a band for
+    the 95 % interval. The key has the lines of the first, with their slopes where it is over a
     sweep."""
     first = panels[0]
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
@@ -134,7 +134,8 @@ def plot(panels: Sequence[Panel]) -> Figure:
     if any(panel.cost for panel in panels):
         handles.append(Line2D([], [], color=INK, lw=0.8, ls=(0, (3, 2)), label="Pareto front"))
     if any(line.band is not None for line in first.lines):
-        handles.append(Patch(color=COLOURS[0], alpha=0.2, lw=0, label=f"{100 * CONFIDENCE:.0f} % over lights"))
+        of_lights = "" if first.lines[0].keys else " over lights"
+        handles.append(Patch(color=COLOURS[0], alpha=0.2, lw=0, label=f"{100 * CONFIDENCE:.0f} % interval{of_lights}"))
     if first.left_out:
         handles.append(Line2D([], [], lw=0, label=f"{first.left_out} more lines are not drawn here"))
     _key(figure, handles, in_key, title)

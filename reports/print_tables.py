@@ -121,11 +121,12 @@ def _with_spread(middle: str, spread: str) -> str:
 
 def claim_table(claim: Mapping[str, Any]) -> dict[str, Any]:
     """The cases of a claim."""
-    columns = [_column("where"), *(_column(name) for name in ("a", "b", "bound", "noise", "verdict"))]
+    named = {"a": "a", "b": "b", "bound": "bound", "value": "value", "low": "95 % from", "high": "to"}
+    columns = [_column("where"), *(_column(name) for name in (*named.values(), "verdict"))]
     rows = []
     for case in claim["numbers"][:MOST_ROWS]:
         where = case["where"] if isinstance(case["where"], str) else listed(case["where"])
-        texts = [_value(case.get(key)) for key in ("a", "b", "bound", "noise")] + [str(case.get("verdict", ""))]
+        texts = [_value(case.get(key)) for key in named] + [str(case.get("verdict", ""))]
         rows.append({"name": where, "options": "", "cells": [_text(text) for text in texts]})
     rows += _left_out(len(claim["numbers"]) - MOST_ROWS, "cases: all are in claims.json")
     groups = [{"title": "", "rows": rows}]

@@ -25,10 +25,17 @@ def info(
             help="Of a method, material, light, view, metric, study or public file.", autocompletion=everything
         ),
     ] = None,
+    write: Annotated[Path | None, typer.Option(help="Write all of it as Markdown pages into this folder.")] = None,
 ) -> None:
     """List what has a name, or describe it: what it computes, its options with bounds and defaults, its source."""
     from glossbench.study.registries import REGISTRIES as kinds  # late, as it imports torch
 
+    if write is not None:
+        from glossbench.commands.reference_pages import write_pages  # late: only this option needs it
+
+        for path in write_pages(write, kinds):
+            say(str(path))
+        return
     studies, files = study_files(), {entry.name: entry for entry in entries()}
     if name is None:
         for kind, registry in kinds.items():

@@ -29,9 +29,10 @@ def column_of_metric(name: str, options: Mapping[str, Any] | None = None, called
         called: the column's name, where that is not the metric's.
     """
     column = Column(called or name, float, role="error", title=called or with_options(name, options or {}))
-    if name not in METRICS.names():
+    registered = name.partition(" (")[0]  # a column may have options in brackets
+    if registered not in METRICS.names():
         return column
-    metric = METRICS.get(name)
+    metric = METRICS.get(registered)
     unit = "" if metric.unit == "1" else metric.unit
     return replace(column, unit=unit, lower_is_better=metric.lower_is_better, signed=metric.signed)
 

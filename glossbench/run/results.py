@@ -36,7 +36,7 @@ from glossbench.findings.descriptions import Descriptions, describe_study
 from glossbench.findings.verdicts import judge
 from glossbench.run.folder import Folder
 from glossbench.run.manifest import COMPARED, KEPT, SUMMARY, Manifest, entry, listed
-from glossbench.shading.method import Image
+from glossbench.shading.image import Image
 from glossbench.strict_json import dumps, loads, numbers
 from glossbench.study.claims import stated_claims
 from glossbench.study.document import dump, read_document

@@ -112,7 +112,11 @@ def with_options(name: str, options: Mapping[str, Any]) -> str:
 
 
 def listed(options: Mapping[str, Any]) -> str:
-    """Options as names have them."""
+    """Options as names have them.
+
+    >>> listed({"samples": 14, "m": [0.1, 0.04], "filter": "gauss"})
+    'samples 14, m [0.1, 0.04], filter gauss'
+    """
     return ", ".join(f"{key} {as_text(value)}" for key, value in options.items())
 
 
@@ -129,7 +133,13 @@ def as_text(value: Any, digits: int = 4) -> str:
 
 
 def texts_of(values: Iterable[Any]) -> Texts:
-    """By JSON the text of each value, with as many digits as tell them apart."""
+    """By JSON the text of each value, with as many digits as tell them apart.
+
+    >>> texts_of([0.12345678, 0.5])
+    {'0.12345678': '0.1235', '0.5': '0.5'}
+    >>> texts_of([0.12345678, 0.12345])
+    {'0.12345678': '0.1234568', '0.12345': '0.12345'}
+    """
     known = {_key(value): value for value in values}
     texts: Texts = {}
     for digits in (4, 7, 17):
@@ -187,6 +197,10 @@ def _follows(values: Sequence[Any], asked: Sequence[Any], is_budget: bool) -> bo
 
 
 def differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Keys, in order, whose value is not the same in all."""
+    """Keys, in order, whose value is not the same in all.
+
+    >>> differing([{"m": 0.1, "f0": 1.0}, {"m": 0.2, "f0": 1.0}, {"m": 0.2, "f0": 1.0, "kd": 0.5}])
+    ['m', 'kd']
+    """
     keys = dict.fromkeys(key for each in options for key in each)
     return [key for key in keys if len({_key(each.get(key)) for each in options}) > 1]

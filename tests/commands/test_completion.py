@@ -19,7 +19,7 @@ OFFERED = {
     "glossbench validate qui": ["quickstart"],
     "glossbench run quickstart --light grace_l": ["grace_latlong"],
     "glossbench run quickstart --light spo": ["spots"],
-    "glossbench run quickstart -f regular": ["regular_sampling"],
+    "glossbench run quickstart -m regular": ["regular_sampling"],
     "glossbench check-method env": ["environment_sampling"],
     "glossbench info quick": ["quickstart"],
     "glossbench info kur": ["kurt"],
