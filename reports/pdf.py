@@ -42,7 +42,7 @@ def write_report(folder: Path) -> Path:
     results.disk.own("report.pdf")
     study, cells, claims = results.study, results.cells, results.claims
     rows = [parsed(row) for row in cells.to_dict("records")]
-    metrics = [name for name in study.get("metrics") or () if name in cells.columns]
+    metrics = [name for name in results.metrics if name in cells.columns]
     groups = grouped(rows, metrics)
     done = [group for group in groups if group.done]
     sweeps = sweeps_of(done, study.get("claims") or ())

@@ -112,7 +112,7 @@ def _read(folder: Path, metric: str | None) -> _Run:
     """Results with the groups that have images, and the metric that was asked for or the study's first."""
     results = Results.open(folder)
     cells = results.cells
-    metrics = [name for name in results.study.get("metrics") or () if name in cells.columns]
+    metrics = [name for name in results.metrics if name in cells.columns]
     known = {*metrics, *(name for name in METRICS.names() if name in cells.columns)}
     if metric is not None and metric not in known:
         raise InputError(f"{folder} has no metric {metric!r}{nearest(metric, known)}")
