@@ -69,27 +69,27 @@ def test_the_walk_sees_every_room():
     names = {parameters.values[0] for parameters in modules()}
 
     assert {"glossbench", "glossbench.shading.method", "glossbench.envmap.cubemap"} <= names
-    assert {"glossbench.methods.regular_sampling", "glossbench.reports.html"} <= names
+    assert {"glossbench.methods.regular_sampling", "glossbench.reports.page.html"} <= names
 
 
-METHOD, REPORT = "glossbench.methods.new_method", "glossbench.reports.pdf"
+METHOD, REPORT = "glossbench.methods.new_method", "glossbench.reports.print.pdf"
 FAULTS = [
     ("glossbench.run.runner", "import glossbench.methods.regular_sampling"),
     ("glossbench.run.runner", "from glossbench.methods import regular_sampling"),
     ("glossbench.run.runner", "from glossbench.methods.regular_sampling import RegularSampling as R"),
     ("glossbench.run.runner", "def run():\n    from glossbench import reports"),
-    ("glossbench.run.runner", "if True:\n    import glossbench.reports.html as html"),
+    ("glossbench.run.runner", "if True:\n    import glossbench.reports.page.html as html"),
     ("glossbench.run.runner", "from ..methods import regular_sampling"),
     ("glossbench.run.runner", "from .. import reports"),
-    ("glossbench.envmap.cubemap", "from ..reports.html import write_report"),
-    ("glossbench.run.runner", 'importlib.import_module("glossbench.reports.html")'),
+    ("glossbench.envmap.cubemap", "from ..reports.page.html import write_report"),
+    ("glossbench.run.runner", 'importlib.import_module("glossbench.reports.page.html")'),
     (METHOD, "from glossbench.methods.importance_sampling import ImportanceSampling"),
     (METHOD, "from .importance_sampling import ImportanceSampling"),
-    (METHOD, "from glossbench.reports import figures"),
-    (METHOD, "import glossbench.reports.html"),
+    (METHOD, "from glossbench.reports import style"),
+    (METHOD, "import glossbench.reports.page.html"),
     (REPORT, "from glossbench.methods.importance_sampling import ImportanceSampling"),
     (REPORT, "from glossbench import methods"),
-    (REPORT, "from ..methods import regular_sampling"),
+    (REPORT, "from ...methods import regular_sampling"),
 ]
 
 
@@ -105,8 +105,8 @@ ALLOWED = [
     (METHOD, "from glossbench.envmap.pyramid import lookup\nimport torch"),
     (METHOD, "from ..shading import METHODS"),
     (REPORT, "from glossbench.run.results import Results"),
-    (REPORT, "from glossbench.reports.figures import tone_map"),
-    (REPORT, "from .figures import tone_map"),
+    (REPORT, "from glossbench.reports.style import tone_map"),
+    (REPORT, "from ..style import tone_map"),
 ]
 
 

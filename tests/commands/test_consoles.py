@@ -15,7 +15,7 @@ from glossbench.commands import cli, printing
 from glossbench.commands.consoles import Console, one_line, open_streams
 from glossbench.commands.figure import registered_figures
 from glossbench.documentation import documentation
-from glossbench.reports.figures import RC, colour_bar, style, svg
+from glossbench.reports.style import RC, colour_bar, style, svg
 
 HOSTILE = "s.yaml:100: [bold]x[/bold] [/red] \x1b[31mred\x1b[0m \x9b31m \u202eevil \x00"
 SHOWN = "s.yaml:100: [bold]x[/bold] [/red] \\x1b[31mred\\x1b[0m \\x9b31m \\u202eevil \\x00"
@@ -156,7 +156,7 @@ def test_warnings_and_records_of_the_package_are_lines_on_standard_error(call, m
 
 PROGRAM = """
 import os, sys, runpy
-import glossbench.reports.figures
+import glossbench.reports.style
 assert os.environ["MPLBACKEND"] == "module://nowhere"
 from glossbench.catalog.entries import Entry
 from glossbench.documentation import documentation
@@ -208,10 +208,10 @@ def test_a_user_s_style_changes_no_figure_and_stays_as_it_was():
 
 
 def test_a_figure_that_took_the_user_s_style_would_be_noticed(monkeypatch):
-    from glossbench.reports import figures
+    from glossbench.reports import style
 
     expected = drawn()
-    monkeypatch.setattr(figures, "_PLAIN", {"xtick.major.size": 30.0})
+    monkeypatch.setattr(style, "_PLAIN", {"xtick.major.size": 30.0})
 
     assert drawn() != expected
 

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from test_lines import rows
 
-from glossbench.reports.answer import answer_of
-from glossbench.reports.cells import grouped
-from glossbench.reports.figures import polar
-from glossbench.reports.spreadsheet import csv_link
+from glossbench.reports.model.answer import answer_of
+from glossbench.reports.model.conditions import grouped
+from glossbench.reports.model.spreadsheet import csv_link
+from glossbench.reports.style import polar
 
 
 def answer(given):

@@ -7,13 +7,13 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from glossbench.reports.cells import grouped
-from glossbench.reports.equal import error_at_time, time_at_error
-from glossbench.reports.figures import COLOURS
-from glossbench.reports.lines import Axis, Line, front, lines_at
-from glossbench.reports.print_plots import facets, over_sweep
-from glossbench.reports.print_tables import equal_table
-from glossbench.reports.sweeps import Label, places_of, sweeps_of, with_costs
+from glossbench.reports.model.axes import Label, places_of, sweeps_of, with_costs
+from glossbench.reports.model.conditions import grouped
+from glossbench.reports.model.equal import error_at_time, time_at_error
+from glossbench.reports.model.lines import Axis, Line, front, lines_at
+from glossbench.reports.print.plots import facets, over_sweep
+from glossbench.reports.print.tables import equal_table
+from glossbench.reports.style import COLOURS
 from glossbench.study.labels import parsed
 
 RMS = {"few": [0.4, 0.1, 0.05], "many": [0.8, 0.3, 0.02]}
@@ -83,11 +83,11 @@ def test_the_band_over_lights_is_the_t_interval_of_the_mean_of_log_error():
 
 def test_the_check_of_bands_notices_a_normal_interval_and_a_mean_of_errors(monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr("glossbench.reports.lines.stdtrit", lambda n, p: NormalDist().inv_cdf(p))
+        patch.setattr("glossbench.reports.model.lines.stdtrit", lambda n, p: NormalDist().inv_cdf(p))
         with pytest.raises(AssertionError):
             check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
-    monkeypatch.setattr("glossbench.reports.lines.np.log", lambda x: x)
-    monkeypatch.setattr("glossbench.reports.lines.np.exp", lambda x: x)
+    monkeypatch.setattr("glossbench.reports.model.lines.np.log", lambda x: x)
+    monkeypatch.setattr("glossbench.reports.model.lines.np.exp", lambda x: x)
     with pytest.raises(AssertionError):
         check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
 
@@ -163,7 +163,7 @@ def test_equal_error_is_exact_for_power_laws():
 
 def test_the_check_of_equal_tables_notices_straight_lines_on_linear_axes(monkeypatch):
     for name in ("np.log", "exp", "log"):
-        monkeypatch.setattr(f"glossbench.reports.equal.{name}", lambda x: x)
+        monkeypatch.setattr(f"glossbench.reports.model.equal.{name}", lambda x: x)
 
     with pytest.raises(AssertionError):
         check_equal(error_at_time(*powers()), lambda t: (2 * t**-0.5, 5 / t))

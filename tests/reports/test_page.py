@@ -12,8 +12,9 @@ import pytest
 import yaml
 from test_reports import data_of, write_results
 
-from glossbench.reports import figures, html
-from glossbench.reports.scripts import TEMPLATES
+from glossbench.reports import style
+from glossbench.reports.page import html
+from glossbench.reports.page.scripts import TEMPLATES
 
 HOSTILE = "</script><img src=x onerror=\"window.hacked='yes'\"><script>window.hacked='yes'</script>"
 
@@ -263,7 +264,7 @@ def test_numbers_of_the_script_are_those_of_the_tables(page):
 
     said = page.do(f"{(TEMPLATES / 'numbers.js').read_text()}\n{json.dumps(values)}.map((value) => number(value))")
 
-    assert said == [figures.number(value) for value in values]
+    assert said == [style.number(value) for value in values]
 
 
 def test_over_three_lights_a_line_has_a_band_which_the_pointer_brings_out(browser, tmp_path):

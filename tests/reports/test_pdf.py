@@ -16,11 +16,13 @@ from test_page import three_materials
 from test_reports import CLAIMS, METHODS, SCRIPT, N, read_exr, write_results
 
 from glossbench.errors import InputError
-from glossbench.reports import crops, figures, pdf, pictures, profile, single_figures, typesetting
-from glossbench.reports.crops import Crop, crops_of
-from glossbench.reports.descriptions import described
-from glossbench.reports.notation import runs
-from glossbench.reports.print_images import middle_budgets
+from glossbench.reports import raster, style, typesetting
+from glossbench.reports.model import crops
+from glossbench.reports.model.crops import Crop, crops_of
+from glossbench.reports.model.descriptions import described
+from glossbench.reports.model.notation import runs
+from glossbench.reports.print import figure_files, pdf, profile
+from glossbench.reports.print.images import middle_budgets
 from glossbench.shading.method import METHODS as REGISTERED
 
 SOURCE_CODE = '#panic("x") #read("/etc/hostname") $x$ *b* @label'
@@ -104,7 +106,7 @@ def test_pages_hold_numbers_reasons_tracebacks_study_and_provenance(folder, repo
 
     cells = pd.read_parquet(folder / "cells.parquet")
     for _, cell in cells[(cells.status == "done") & ~cells.at_noise_floor].iterrows():
-        assert f" {figures.number(cell.rms)} " in text
+        assert f" {style.number(cell.rms)} " in text
     assert text.count("skipped: the BRDF must be isotropic, m is (0.2, 0.075)") == 2
     assert text.count("Traceback (most recent call last): line 3 MethodError:") == 2
     for said in ("RMS ≤ 0.0040", "relative_error: 0.001", "glossbench run discs", "2.8.0", "Luksch, Christian"):
@@ -168,9 +170,9 @@ def test_error_maps_of_all_cells_are_in_the_pages_on_one_scale(folder, report):
 
 
 def test_the_check_notices_maps_on_their_own_scales(folder, monkeypatch):
-    error_map = pictures.error_map
+    error_map = raster.error_map
     monkeypatch.setattr(
-        pictures, "error_map", lambda e, mask, _, *how: error_map(e, mask, 0.9 * np.abs(e[mask]).max(), *how)
+        raster, "error_map", lambda e, mask, _, *how: error_map(e, mask, 0.9 * np.abs(e[mask]).max(), *how)
     )
     monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
 
@@ -190,7 +192,7 @@ def check_maps(folder, report):
         limit = np.percentile(np.abs(np.concatenate([error[mask] for error in errors])), 99.5)
         for error in errors:
             index = np.round(127 + 127 * np.clip(error / limit, -1, 1)).astype(int)
-            expected = np.round(255 * pictures.SIGNED(index)[..., :3])
+            expected = np.round(255 * raster.SIGNED(index)[..., :3])
             # An error on the edge of two colours may fall to either: the colours of neighbours differ by less than 6.
             assert any(np.abs(image[mask] - expected[mask]).max() < 6 for image in shown)
 
@@ -310,9 +312,9 @@ def test_convergence_is_over_what_it_is_told_and_else_over_what_the_study_sweeps
     folder = three_materials(tmp_path / "materials", [1, 4, 64])
 
     for name, options in (("s of the material", {}), ("light samples", {"over": "samples", "group": 2})):
-        single_figures.convergence(folder, tmp_path / "f.pdf", **options)
+        figure_files.convergence(folder, tmp_path / "f.pdf", **options)
         assert name in text_of((tmp_path / "f.pdf").read_bytes())
-    single_figures.convergence(folder, tmp_path / "f.pdf", metric="shade")
+    figure_files.convergence(folder, tmp_path / "f.pdf", metric="shade")
     assert "shading time [ms]" in text_of((tmp_path / "f.pdf").read_bytes())
 
 
@@ -326,7 +328,7 @@ FIGURES = {
 def test_a_figure_is_one_page_of_its_size(name, folder, tmp_path):
     path = tmp_path / f"{name}.pdf"
 
-    getattr(single_figures, name)(folder, path, **FIGURES[name])
+    getattr(figure_files, name)(folder, path, **FIGURES[name])
 
     (page,) = pages_of(path.read_bytes())
     text = "".join(page["text"].split())  # small type comes in pieces
@@ -351,14 +353,14 @@ def test_a_profile_runs_through_the_brightest_pixel_of_the_surface():
 def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
     path = tmp_path / "crops.pdf"
 
-    single_figures.crops(folder, path, group=1, crop=[(4, 8, 20, 30)])
+    figure_files.crops(folder, path, group=1, crop=[(4, 8, 20, 30)])
 
     (page,) = pages_of(path.read_bytes())
     reference = read_exr(folder / "references" / "ref0.exr")
     mask = np.asarray(Image.open(folder / "references" / "ref0_mask.png")) > 0
-    exposure = pictures.exposure_of(reference, mask)
+    exposure = raster.exposure_of(reference, mask)
     window = np.s_[8:38, 4:24]
-    expected = np.asarray(Image.open(io.BytesIO(pictures.picture(reference[window], mask[window], exposure))))
+    expected = np.asarray(Image.open(io.BytesIO(raster.picture(reference[window], mask[window], exposure))))
     assert any(
         image.shape == (30, 20, 3) and np.array_equal(image[mask[window]], expected[..., :3][mask[window]])
         for image in page["images"]
@@ -369,7 +371,7 @@ def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
 def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path):
     path = tmp_path / f"f.{ending}"
 
-    single_figures.convergence(folder, path, group=1)
+    figure_files.convergence(folder, path, group=1)
 
     if ending == "png":
         with Image.open(path) as image:
@@ -391,7 +393,7 @@ def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path
 )
 def test_a_figure_that_cannot_be_is_one_line_and_no_file(name, options, path, message, folder, tmp_path):
     with pytest.raises(InputError, match=message) as caught:
-        getattr(single_figures, name)(folder, tmp_path / path, **options)
+        getattr(figure_files, name)(folder, tmp_path / path, **options)
 
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())

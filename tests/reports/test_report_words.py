@@ -11,8 +11,10 @@ from test_pdf import text_of
 from test_reports import data_of, write_results
 
 from glossbench.errors import InputError
-from glossbench.reports import figures, html, payload, pdf, print_tables, single_figures
-from glossbench.reports.times import time_notes
+from glossbench.reports import style
+from glossbench.reports.model.times import time_notes
+from glossbench.reports.page import html, payload
+from glossbench.reports.print import figure_files, pdf, tables
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +46,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "svg", lambda *_: "")
+        patch.setattr(style, "svg", lambda *_: "")
         patch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
         patch.setattr(html, "MOST_ROWS", 10)
         return text_in(html.write_report(folder).read_text(encoding="utf-8"))
@@ -55,7 +57,7 @@ def printed(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pdf, "_plots", lambda *_: ([], []))
         patch.setattr(pdf, "_images", lambda *_: (None, []))
-        patch.setattr(print_tables, "MOST_ROWS", 10)
+        patch.setattr(tables, "MOST_ROWS", 10)
         return text_of(pdf.write_report(folder).read_bytes())
 
 
@@ -118,8 +120,8 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
     def over(name, **options):
         cells.assign(**options).to_parquet(tmp_path / "cells.parquet")
-        run = single_figures._read(tmp_path, None)
-        return single_figures._swept(run, name).name
+        run = figure_files._read(tmp_path, None)
+        return figure_files._swept(run, name).name
 
     alike = {"view_options": '{"resolution": 64}'}
     assert over("m", **alike) == over("material.m", **alike) == "material.m"
@@ -134,7 +136,7 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
 def test_a_line_of_the_page_has_the_colour_of_its_method(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "svg", lambda *_: "")
+        patch.setattr(style, "svg", lambda *_: "")
         patch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
         (sweep, *_) = data_of(html.write_report(folder).read_text(encoding="utf-8"))["sweeps"]
 

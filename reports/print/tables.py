@@ -7,11 +7,11 @@ from typing import Any
 from glossbench.metrics import METRICS
 from glossbench.study.labels import listed
 
-from .cells import Cell, Group, sole_method
-from .equal import Table
-from .figures import number
-from .lines import named
-from .times import shade_spread, spread_of, time_notes
+from ..model.conditions import Cell, Group, sole_method
+from ..model.equal import Table
+from ..model.lines import named
+from ..model.times import shade_spread, spread_of, time_notes
+from ..style import number
 
 Texts = list[dict[str, Any]]
 MOST_ROWS, FEWEST_ROWS = 600, 5  # of a table, in all and of one part

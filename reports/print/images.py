@@ -10,12 +10,13 @@ import numpy as np
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 
-from . import figures, pictures
-from .answer import MOST_TILES, telling
-from .cells import Cell, Group
-from .crops import Crop, crops_of
-from .pictures import Floats, Mask
-from .typesetting import Press
+from .. import raster, style
+from ..model.answer import MOST_TILES, telling
+from ..model.conditions import Cell, Group
+from ..model.crops import Crop, crops_of
+from ..model.selection import middle_budgets
+from ..raster import Floats, Mask
+from ..typesetting import Press
 
 COLUMNS = 6  # of cells, side by side
 MOST_COLUMNS = 7  # where that saves a row
@@ -35,7 +36,7 @@ class PrintedGroup:
         key = group.reference["reference_key"]
         self.reference = results.reference(key).astype(np.float64)
         self.mask = results.mask(key)
-        self.exposure = pictures.exposure_of(self.reference, self.mask)
+        self.exposure = raster.exposure_of(self.reference, self.mask)
         self.metric = METRICS.create(metric, {}) if metric is not None and metric in METRICS.names() else None
         self.signed = self.metric is None or self.metric.signed
         self.noise = results.standard_error(key).mean(axis=2) if self.metric is None else None
@@ -43,8 +44,8 @@ class PrintedGroup:
 
     def whole(self, cells: Sequence[Cell]) -> dict[str, Any]:
         """Data of a figure of whole images, each over its error map; the reference first, over its standard error."""
-        limit = pictures.error_limit([error[self.mask] for error in self.errors.values()])
-        noise = ["reference", f"noise {figures.number(self.group.reference['reference_noise'], 2)}"]
+        limit = raster.error_limit([error[self.mask] for error in self.errors.values()])
+        noise = ["reference", f"noise {style.number(self.group.reference['reference_noise'], 2)}"]
         tiles = [[self._tile(self.reference, self.noise, limit, noise)]]
         for _, line in groupby(cells, key=lambda cell: cell.index):
             tiles.append([self._tile(*self._of(cell), limit, caption(cell)) for cell in line])
@@ -57,7 +58,7 @@ class PrintedGroup:
         The scale is that of the whole images of these cells.
         """
         errors = [self.errors[cell.row["key"]] for cell in cells]
-        limit = pictures.error_limit([error[self.mask] for error in errors])
+        limit = raster.error_limit([error[self.mask] for error in errors])
         chosen = list(crops) or crops_of(errors, self.mask, limit)
         columns = [{"caption": ["reference"], "tiles": self._crops(self.reference, self.noise, limit, chosen)}]
         columns += [{"caption": caption(c), "tiles": self._crops(*self._of(c), limit, chosen)} for c in cells]
@@ -67,7 +68,7 @@ class PrintedGroup:
              "pixels": f"x {c.x}, y {c.y}, {c.width} × {c.height} pixels"}
             for c in chosen
         ]  # fmt: skip
-        picture = self.press.add(pictures.picture(self.reference, self.mask, self.exposure, 512), "png")
+        picture = self.press.add(raster.picture(self.reference, self.mask, self.exposure, 512), "png")
         shown = {"columns": columns, "most": COLUMNS, "frames": frames, "picture": picture}
         return shown | self._scale(limit, errors)
 
@@ -82,20 +83,18 @@ class PrintedGroup:
         return self.results.image(cell.row["key"]), self.errors[cell.row["key"]]
 
     def _tile(self, image: Floats, error: Floats | None, limit: float, caption: Sequence[str]) -> dict[str, Any]:
-        picture = self.press.add(pictures.picture(image, self.mask, self.exposure), "png")
+        picture = self.press.add(raster.picture(image, self.mask, self.exposure), "png")
         return {"picture": picture, "error": self._map(error, self.mask, limit, SIZE), "caption": caption}
 
     def _map(self, error: Floats | None, mask: Mask, limit: float, size: int) -> str | None:
         """The file of an error map; None for the reference where a standard error is no such error."""
-        return (
-            None if error is None else self.press.add(pictures.error_map(error, mask, limit, self.signed, size), "png")
-        )
+        return None if error is None else self.press.add(raster.error_map(error, mask, limit, self.signed, size), "png")
 
     def _crops(self, image: Floats, error: Floats | None, limit: float, crops: Sequence[Crop]) -> list[dict[str, Any]]:
         tiles = []
         for crop in crops:
             mask, side = crop.of(self.mask), max(crop.width, crop.height)
-            picture = self.press.add(pictures.picture(crop.of(image), mask, self.exposure, side), "png")
+            picture = self.press.add(raster.picture(crop.of(image), mask, self.exposure, side), "png")
             shown = self._map(None if error is None else crop.of(error), mask, limit, side)
             tiles.append({"picture": picture, "error": shown})
         return tiles
@@ -105,11 +104,11 @@ class PrintedGroup:
         stops = f"{round(float(np.log2(self.exposure)), 1) + 0.0:+.1f}".replace("-", "−")
         return {
             "title": self.group.title,
-            "scale": self.press.add(pictures.scale(self.signed), "png"),
-            "ticks": [figures.number(s * limit, 2) for s in ((-1, -0.5, 0, 0.5, 1) if self.signed else (0, 0.5, 1))],
+            "scale": self.press.add(raster.scale(self.signed), "png"),
+            "ticks": [style.number(s * limit, 2) for s in ((-1, -0.5, 0, 0.5, 1) if self.signed else (0, 0.5, 1))],
             "label": self._label(),
-            "limit": figures.number(limit),
-            "clipped": figures.number(100 * float(np.mean(beyond)), 2),
+            "limit": style.number(limit),
+            "clipped": style.number(100 * float(np.mean(beyond)), 2),
             "stops": stops,
             "size": f"{self.mask.shape[1]} × {self.mask.shape[0]}",
         }
@@ -142,8 +141,8 @@ def caption(cell: Cell) -> list[str]:
     count = f"{row['n_samples']} {'sample' if row['n_samples'] == 1 else 'samples'}"
     if row["at_noise_floor"]:
         return [str(row["method"]), cell.options, count, "at the noise floor"]
-    flip = [f"FLIP {figures.number(row['flip'])}"] if row.get("flip") is not None and "flip" in METRICS.names() else []
-    return [str(row["method"]), cell.options, count, f"RMS {figures.number(row['rms'])}", *flip]
+    flip = [f"FLIP {style.number(row['flip'])}"] if row.get("flip") is not None and "flip" in METRICS.names() else []
+    return [str(row["method"]), cell.options, count, f"RMS {style.number(row['rms'])}", *flip]
 
 
 def telling_few(group: Group, metric: str | None) -> list[Cell]:
@@ -152,9 +151,3 @@ def telling_few(group: Group, metric: str | None) -> list[Cell]:
     if len(cells) <= MOST_TILES:
         return cells
     return telling([c for c in cells if metric and c.row.get(metric) is not None], metric or "") or cells[:MOST_TILES]
-
-
-def middle_budgets(group: Group) -> list[Cell]:
-    """Of each line of a group the cell with the middle budget, the lower of two."""
-    lines = [list(members) for _, members in groupby(group.done, key=lambda cell: cell.index)]
-    return [line[(len(line) - 1) // 2] for line in lines]

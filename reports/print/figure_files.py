@@ -13,18 +13,18 @@ from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 from glossbench.study.labels import parsed
 
-from .answer import answer_of, claimed
-from .cells import Group, grouped, methods_of
-from .crops import Crop
-from .figures import looks
-from .images import MOST_PICTURES, chosen
-from .lines import COSTS, axis_of, lines_at
-from .print_images import PrintedGroup, middle_budgets
-from .print_plots import Panel, against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
+from ..model.answer import answer_of, claimed
+from ..model.axes import Place, Sweep, places_of, sweeps_of, with_costs
+from ..model.axes import named as named_sweeps
+from ..model.conditions import Group, grouped, methods_of
+from ..model.crops import Crop
+from ..model.lines import COSTS, axis_of, lines_at
+from ..model.selection import MOST_PICTURES, chosen, middle_budgets
+from ..style import looks
+from ..typesetting import Format, Press
+from .images import PrintedGroup
+from .plots import Panel, against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
 from .profile import brightest_row, cross_section
-from .sweeps import Place, Sweep, places_of, sweeps_of, with_costs
-from .sweeps import named as named_sweeps
-from .typesetting import Format, Press
 
 
 def answer(folder: Path, path: Path, *, metric: str | None = None) -> None:

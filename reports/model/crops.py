@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import scipy
 
-from .pictures import Floats, Mask
+from ..raster import Floats, Mask
 
 Pixels = TypeVar("Pixels", Floats, Mask)
 SHARE = 6  # of the shorter side of the image: the side of a crop

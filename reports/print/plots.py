@@ -12,10 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from .figures import COLOURS, INK, MARKERS, PAPER, RC, number, style
-from .images import evenly
-from .lines import CONFIDENCE, COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at, named
-from .sweeps import SAMPLES, Place
+from ..model.axes import SAMPLES, Place
+from ..model.lines import CONFIDENCE, COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at, named
+from ..model.selection import evenly
+from ..style import COLOURS, INK, MARKERS, PAPER, RC, number, style
 
 MOST_FACETS = 4
 MOST_LINES = 40  # of a plot: more, and the key takes the page

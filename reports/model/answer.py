@@ -12,10 +12,10 @@ from glossbench.run.results import Results
 from glossbench.study.claims import KINDS
 from glossbench.study.labels import budget_of
 
-from . import pictures
-from .cells import Cell, Group
+from .. import raster
+from .conditions import Cell, Group
 from .crops import Crop, crops_of
-from .images import evenly
+from .selection import evenly
 
 MOST_TILES = 5
 Claimed = tuple[str, Collection[str]]  # the text of a claim, and the keys of the cells that it is about
@@ -107,17 +107,17 @@ def drawn(results: Results, answer: Answer, size: int = 192) -> dict[str, Any]:
     reference, mask = results.reference(key).astype(np.float64), results.mask(key)
     images = [results.image(cell.row["key"]).astype(np.float64) for cell in answer.cells]
     errors = [(image - reference).mean(axis=2) for image in images]
-    limit = pictures.middle_limit([error[mask] for error in errors])
-    exposure = pictures.exposure_of(reference, mask)
+    limit = raster.middle_limit([error[mask] for error in errors])
+    exposure = raster.exposure_of(reference, mask)
     crops = crops_of(errors, mask, limit, 1)
     crop = crops[0] if crops else Crop(0, 0, mask.shape[1], mask.shape[0])
     side, part = max(crop.width, crop.height), crop.of(mask.astype(float)) > 0
 
-    def tile(image: pictures.Floats, error: pictures.Floats | None) -> dict[str, Any]:
+    def tile(image: raster.Floats, error: raster.Floats | None) -> dict[str, Any]:
         return {
-            "whole": pictures.uri(pictures.picture(image, mask, exposure, size)),
-            "crop": pictures.uri(pictures.picture(crop.of(image), part, exposure, side)),
-            "error": "" if error is None else pictures.uri(pictures.error_map(crop.of(error), part, limit, True, side)),
+            "whole": raster.uri(raster.picture(image, mask, exposure, size)),
+            "crop": raster.uri(raster.picture(crop.of(image), part, exposure, side)),
+            "error": "" if error is None else raster.uri(raster.error_map(crop.of(error), part, limit, True, side)),
         }
 
     height, width = mask.shape

@@ -27,8 +27,8 @@ from glossbench.metrics.perceptual import FLIP
 from glossbench.run.results import Results
 from glossbench.strict_json import dumps
 
-from . import figures, pictures
-from .cells import Cell, Group, methods_of
+from .. import raster, style
+from ..model.conditions import Cell, Group, methods_of
 
 INLINE = 32_000_000  # bytes of half floats, before deflation, up to which the page holds its images itself
 FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # of a map's longer side, and of the maps of all cells together, at most
@@ -95,8 +95,8 @@ def payload(results: Results, groups: Sequence[Group], metric: str | None = None
     registry = {
         "groups": described,
         "folder": None if inline else FOLDER,
-        "signed": _colours(pictures.SIGNED),
-        "unsigned": _colours(pictures.UNSIGNED),
+        "signed": _colours(raster.SIGNED),
+        "unsigned": _colours(raster.UNSIGNED),
         "epsilon": EPSILON,
         "flipReduction": reduction,
         "errors": [{"mode": mode, "name": name, "formula": formula} for mode, (name, formula) in ERRORS.items()],
@@ -166,13 +166,13 @@ def _images(
             seen.append(
                 flip[mask][::step] if mode == "flip" else error(mode, image[mask][::step], reference[mask][::step])
             )
-        yield _entry(cell, metric) | {"colour": figures.shade(hues[str(cell.row["method"])])}, _halves(image, flip)
+        yield _entry(cell, metric) | {"colour": style.shade(hues[str(cell.row["method"])])}, _halves(image, flip)
 
 
 def _entry(cell: Cell, metric: str | None) -> dict[str, Any]:
     row = cell.row
     value = row.get(metric) if metric else None
-    note = "at the noise floor" if row["at_noise_floor"] else f"{metric} {figures.number(value)}" if metric else ""
+    note = "at the noise floor" if row["at_noise_floor"] else f"{metric} {style.number(value)}" if metric else ""
     return {
         "key": row["key"],
         "kind": "cell",
@@ -191,19 +191,19 @@ def _described(
 ) -> dict[str, Any]:
     key = group.reference["reference_key"]
     mask = results.mask(key)
-    exposure = pictures.exposure_of(results.reference(key).astype(np.float64), mask)
+    exposure = raster.exposure_of(results.reference(key).astype(np.float64), mask)
     return {
         "title": group.title,
         "width": mask.shape[1],
         "height": mask.shape[0],
         "stops": log2(exposure),
-        "ranges": {mode: pictures.error_limit(errors) for mode, errors in ranges.items()},
+        "ranges": {mode: raster.error_limit(errors) for mode, errors in ranges.items()},
         "images": [dict(entry) for entry in entries],
     }
 
 
 def _noise(group: Group) -> str:
-    return f"noise {figures.number(group.reference['reference_noise'], 2)}"
+    return f"noise {style.number(group.reference['reference_noise'], 2)}"
 
 
 def _halves(radiance: Floats, fourth: Floats) -> Planes:
@@ -236,13 +236,13 @@ def _stored(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
     return steps if steps.dtype == np.uint16 and steps.shape == shape else None
 
 
-def _flip(image: Floats, reference: Floats, mask: pictures.Mask, n: int) -> Floats:
+def _flip(image: Floats, reference: Floats, mask: raster.Mask, n: int) -> Floats:
     """The FLIP map in steps of 1/256; of n x n pixels averaged, seen under the same visual angle, where n > 1."""
     if n == 1:
         return np.round(256 * FLIP().errors(image, reference, mask)) / 256
     size = max(mask.shape) // n
-    x, y = (pictures.downscaled(each, mask, size)[0].astype(np.float64) for each in (image, reference))
-    small = pictures.downscaled(np.ones((*mask.shape, 1)), mask, size)[1] >= 0.5
+    x, y = (raster.downscaled(each, mask, size)[0].astype(np.float64) for each in (image, reference))
+    small = raster.downscaled(np.ones((*mask.shape, 1)), mask, size)[1] >= 0.5
     errors = FLIP(pixels_per_degree=max(1.0, FLIP().pixels_per_degree * size / max(mask.shape))).errors(x, y, small)
     rows, columns = ((np.arange(n) * m) // n for n, m in zip(mask.shape, small.shape, strict=True))
     return np.round(256 * errors)[np.ix_(rows, columns)] / 256

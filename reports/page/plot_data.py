@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from .cells import Group
-from .lines import COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at
-from .sweeps import Place, Sweep, places_of, with_costs
+from ..model.axes import Place, Sweep, places_of, with_costs
+from ..model.conditions import Group
+from ..model.lines import COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at
 
 
 def plot_data(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metrics: Sequence[str]) -> dict[str, Any]:

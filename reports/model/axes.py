@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from glossbench.study.labels import KINDS, budget_of, identity, listed, names_of, number_in, stated, told_apart
 
-from .cells import Group, methods_of
-from .figures import looks
+from ..style import looks
+from .conditions import Group, methods_of
 
 SAMPLES = "samples"
 FEW_LINES = 6  # more, and a plot for print is divided

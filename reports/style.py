@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib import rc_context, rcParamsDefault
 from matplotlib.figure import Figure
 
-from .pictures import SIGNED, UNSIGNED, Floats
+from .raster import SIGNED, UNSIGNED, Floats
 
 INK, PAPER = "#1a1a1a", "#fefefe"
 # A colour a method. Okabe and Ito 2008 without yellow and black, which colour-blind readers tell apart on white and on

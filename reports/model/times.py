@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .figures import number
+from ..style import number
 
 BUSY = 0.1  # share of the time that other work had the processor: more is said
 

@@ -18,22 +18,23 @@ from glossbench.run.results import Results
 from glossbench.strict_json import dumps
 from glossbench.study.labels import budget_of, listed, parsed, with_names
 
-from . import figures, pictures
-from .answer import answer_of, claimed, drawn
-from .cells import Cell, Group, grouped, methods_of
-from .descriptions import described
-from .equal import Value, error_at_time, time_at_error
-from .images import MOST_PICTURES, chosen, pictures_of
-from .lines import Floats, axis_of, lines_at
-from .notation import runs
+from .. import raster, style
+from ..model.answer import answer_of, claimed, drawn
+from ..model.axes import SAMPLES, Place, places_of, sweeps_of
+from ..model.conditions import Cell, Group, grouped, methods_of
+from ..model.descriptions import described
+from ..model.equal import Value, error_at_time, time_at_error
+from ..model.lines import Floats, axis_of, lines_at
+from ..model.notation import runs
+from ..model.selection import MOST_PICTURES, chosen
+from ..model.spreadsheet import csv_link
+from ..model.times import shade_spread, spread_of, time_notes
+from ..raster import CLIPPED_SHARE, WHITE, svg_uri
+from ..typesetting import Press
+from .contact_sheet import pictures_of
 from .payload import payload, remove_others
-from .pictures import CLIPPED_SHARE, WHITE, svg_uri
 from .plot_data import plot_data
 from .scripts import TEMPLATES, module, policy
-from .spreadsheet import csv_link
-from .sweeps import SAMPLES, Place, places_of, sweeps_of
-from .times import shade_spread, spread_of, time_notes
-from .typesetting import Press
 
 MANY_PATTERNS = 12
 MANY_STATES = 24
@@ -106,7 +107,7 @@ def _templates() -> Environment:
     )
     templates.policies["json.dumps_function"] = dumps
     templates.policies["json.dumps_kwargs"] = {}
-    templates.filters |= {"number": figures.number, "count": _count, "samples": _samples, "budget": budget_of}
+    templates.filters |= {"number": style.number, "count": _count, "samples": _samples, "budget": budget_of}
     templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable, "shortest": _shortest}
     templates.filters |= {"shade_spread": shade_spread, "spread": _spread}
     return templates
@@ -132,7 +133,7 @@ def _count(value: float | None) -> str:
 def _shortest(value: float) -> str:
     """A round number with no more digits than it has: 0.05, 1.5, 200."""
     mantissa = f"{value:.1e}".split("e")[0].removesuffix(".0")
-    return figures.number(value, len(mantissa.replace(".", "")))
+    return style.number(value, len(mantissa.replace(".", "")))
 
 
 def _spread(value: Value) -> str:
@@ -182,8 +183,8 @@ def _answer(results: Results, groups: Sequence[Group], metrics: Sequence[str]) -
     if answer is None:
         return None
     pictures = drawn(results, answer)
-    bar = figures.colour_bar(pictures["limit"], "image − reference [radiance]")
-    return pictures | {"metric": metrics[0], "bar": Markup(figures.svg(bar, "answer-bar"))}
+    bar = style.colour_bar(pictures["limit"], "image − reference [radiance]")
+    return pictures | {"metric": metrics[0], "bar": Markup(style.svg(bar, "answer-bar"))}
 
 
 def _equal(places: Sequence[Place], metrics: Sequence[str]) -> list[dict[str, Any]]:
@@ -242,8 +243,8 @@ def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
             "title": group.title,
             "cell": cell,
             "n": len(half_vectors),
-            "colour": figures.shade(hues[str(cell.row["method"])]),
-            "dots": figures.polar(half_vectors, largest),
+            "colour": style.shade(hues[str(cell.row["method"])]),
+            "dots": style.polar(half_vectors, largest),
         }
         for group, cell, half_vectors in found.values()
     ]
@@ -262,10 +263,10 @@ def _states(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
             for name, image in found.items():
                 shown = np.ones(image.shape[:2], bool)
                 lit = image.max(axis=2) > 0  # an unfolded cube has empty places
-                exposure = pictures.exposure_of(image, lit) if lit.any() else 1.0
-                png = pictures.picture(image, shown, exposure)
+                exposure = raster.exposure_of(image, lit) if lit.any() else 1.0
+                png = raster.picture(image, shown, exposure)
                 tile = {"name": name, "title": group.title, "cell": cell, "shape": image.shape, "exposure": exposure}
-                tiles.append({**tile, "picture": pictures.uri(png)})
+                tiles.append({**tile, "picture": raster.uri(png)})
     return tiles
 
 

@@ -12,8 +12,8 @@ from scipy.special import stdtrit
 from glossbench.findings.comparisons import noise_of
 from glossbench.metrics import METRICS
 
-from .cells import Cell, Group
-from .sweeps import Label, Place
+from .axes import Label, Place
+from .conditions import Cell, Group
 
 Floats = NDArray[np.floating]
 Mask = NDArray[np.bool_]

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .figures import INK, style
-from .pictures import Floats, Mask
-from .print_plots import DASHES, SMALL, WIDTH
+from ..raster import Floats, Mask
+from ..style import INK, style
+from .plots import DASHES, SMALL, WIDTH
 
 
 def brightest_row(reference: Floats, mask: Mask) -> int:

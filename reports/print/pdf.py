@@ -15,18 +15,18 @@ from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 from glossbench.study.labels import listed, parsed
 
-from .answer import answer_of, claimed
-from .cells import Group, grouped, sole_method
-from .descriptions import described
-from .equal import error_at_time, time_at_error
-from .images import MOST_PICTURES, chosen
-from .lines import COSTS, axis_of, lines_at
-from .notation import runs
-from .print_images import PrintedGroup, middle_budgets, telling_few
-from .print_plots import against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
-from .print_tables import claim_table, cost_table, equal_table, error_tables, reference_table
-from .sweeps import FEWEST, SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
-from .typesetting import Press
+from ..model.answer import answer_of, claimed
+from ..model.axes import FEWEST, SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
+from ..model.conditions import Group, grouped, sole_method
+from ..model.descriptions import described
+from ..model.equal import error_at_time, time_at_error
+from ..model.lines import COSTS, axis_of, lines_at
+from ..model.notation import runs
+from ..model.selection import MOST_PICTURES, chosen, middle_budgets
+from ..typesetting import Press
+from .images import PrintedGroup, telling_few
+from .plots import against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
+from .tables import claim_table, cost_table, equal_table, error_tables, reference_table
 
 MOST_WITHOUT = 100  # cells without an image that are told one by one
 MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
