@@ -27,6 +27,7 @@ COLOURS = (
 )
 SHADES = 0.4  # of the way to white and to black, at most: the lightest and the darkest line of a method
 MARKERS = "osD^vPX"  # one a line: seven against eleven colours
+DASHES: Sequence[Any] = ("-", (0, (5, 1.5)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 1.5)))
 RC: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 9,
@@ -66,6 +67,24 @@ def number(value: float | None, digits: int = 3) -> str:
         return f"{value:.{max(0, digits - 1 - int(exponent))}f}".replace("-", "−")
     raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
     return f"{mantissa}×10{raised}".replace("-", "−")
+
+
+def tick(value: float) -> str:
+    """A round number with no more digits than it has: 0.05, 1.5, 200, 10⁻⁷."""
+    mantissa = f"{value:.2e}".split("e")[0].rstrip("0").rstrip(".")
+    return number(value, len(mantissa.replace(".", "").replace("-", ""))).removeprefix("1×")
+
+
+def whole(value: float | None) -> str:
+    """A whole number with narrow spaces between thousands."""
+    if value is None:
+        return "–"
+    return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
+
+
+def stops(exposure: float) -> str:
+    """A factor of exposure as photographers have it: +1.5."""
+    return f"{round(float(np.log2(exposure)), 1) + 0.0:+.1f}".replace("-", "−")
 
 
 def looks(methods: Sequence[str], hues: Mapping[str, int]) -> list[tuple[str, int]]:

@@ -65,7 +65,7 @@ def _answers(group: Group, metric: str, keys: Collection[str] | None) -> list[An
         alike = [cell for cell in shown if n is None or budget_of(cell.row) in (None, n)]
         names = dict.fromkeys(cell.row["budget"] for cell in alike if budget_of(cell.row) is not None)
         text = f"{n:g} {' or '.join(names)}" if n is not None else ""
-        found.append(Answer(group, telling(alike, metric), text))
+        found.append(Answer(group, best_cells(alike, metric), text))
     return found
 
 
@@ -81,7 +81,7 @@ def claimed(results: Results) -> Iterator[Claimed]:
             yield known.text, cells_of(known, results.cells)
 
 
-def telling(cells: Sequence[Cell], metric: str) -> list[Cell]:
+def best_cells(cells: Sequence[Cell], metric: str) -> list[Cell]:
     """At most `MOST_TILES`: the best cell of each method; of a single method from the best to the worst."""
     sign = 1 if metric not in METRICS.names() or METRICS.get(metric).lower_is_better else -1
     methods: dict[str, list[Cell]] = {}

@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .lines import Axis, Floats, Line
+from .axes import Place
+from .lines import Measured, axis_of
+from .panels import Axis, Floats
 
 FEWEST_COLUMNS, MOST_COLUMNS = 3, 6
 DIGITS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7))  # the second where the first gives too few columns
@@ -39,7 +41,7 @@ class Table(NamedTuple):
     """
 
     at: Sequence[float]
-    lines: Sequence[Line]
+    lines: Sequence[Measured]
     rows: Sequence[Sequence[Value | None]]
     best: Sequence[int | None]
 
@@ -52,6 +54,17 @@ class Table(NamedTuple):
     def has_points(self) -> bool:
         """Whether a line has one budget alone."""
         return any(len(line.x) == 1 for line in self.lines)
+
+
+class Equal(NamedTuple):
+    """The tables of a place over samples, by its number from 1 on, and of a metric; one of the two may be None."""
+
+    number: int
+    place: Place
+    metric: str
+    axis: Axis
+    by_time: Table | None
+    by_error: Table | None
 
 
 class Curve(NamedTuple):
@@ -97,14 +110,21 @@ class Curve(NamedTuple):
         return exp(self.time[self.error <= log(error)].min(initial=inf))
 
 
-def error_at_time(lines: Sequence[Line], axis: Axis) -> Table | None:
+def equal_tables(number: int, place: Place, metric: str, lines: Sequence[Measured]) -> Equal | None:
+    """Both tables of a place and metric; None where no two lines can be compared."""
+    axis = axis_of(place, metric)
+    by_time, by_error = error_at_time(lines, axis), time_at_error(lines, axis)
+    return Equal(number, place, metric, axis, by_time, by_error) if by_time or by_error else None
+
+
+def error_at_time(lines: Sequence[Measured], axis: Axis) -> Table | None:
     """The error of each line at round shading times [ms]; None where no two lines share one."""
     curves = [_curve(line, axis) for line in lines]
     ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time)]
     return _table(ends, lines, curves, Curve.error_at, Curve.least_error)
 
 
-def time_at_error(lines: Sequence[Line], axis: Axis) -> Table | None:
+def time_at_error(lines: Sequence[Measured], axis: Axis) -> Table | None:
     """The least shading time [ms] at which each line comes down to round errors; None where no two lines share one."""
     curves = [_curve(line, axis) for line in lines]
     ends = [(c.error.min(), c.error[0]) for c in curves if len(c.error)]
@@ -112,7 +132,7 @@ def time_at_error(lines: Sequence[Line], axis: Axis) -> Table | None:
     return table and Table(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
 
 
-def _curve(line: Line, axis: Axis) -> Curve:
+def _curve(line: Measured, axis: Axis) -> Curve:
     """Of the points that the reference resolves."""
     time, error = line.costs["shade"], line.errors
     low, high = line.spread or (time, time)
@@ -122,7 +142,7 @@ def _curve(line: Line, axis: Axis) -> Curve:
 
 
 def _table(
-    ends: Sequence[tuple[float, float]], lines: Sequence[Line], curves: Sequence[Curve],
+    ends: Sequence[tuple[float, float]], lines: Sequence[Measured], curves: Sequence[Curve],
     value_at: Callable[[Curve, float], Value | None], least_at: Callable[[Curve, float], float],
 ) -> Table | None:  # fmt: skip
     """Columns that two lines or more have a value in, thinned evenly.

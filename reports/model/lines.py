@@ -1,12 +1,11 @@
-"""The lines of plots: what each method with its options reached over what a study sweeps, and at what cost."""
+"""What each method with its options reached over what a study sweeps, and at what cost."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from glossbench.findings.comparisons import noise_of
@@ -14,9 +13,7 @@ from glossbench.metrics import METRICS
 
 from .axes import Label, Place
 from .conditions import Cell, Group
-
-Floats = NDArray[np.floating]
-Mask = NDArray[np.bool_]
+from .panels import Axis, Floats, Mask
 
 COSTS = {
     "shade": "shading time [ms]",
@@ -32,7 +29,7 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Line:
+class Measured:
     """One method with its options: what it reached at each value of the swept quantity, in their order.
 
     Attributes:
@@ -60,47 +57,32 @@ class Line:
         """Method and options."""
         return self.label.name
 
-    def slope(self) -> float | None:
-        """Fitted slope of log error over log x; None below three resolved points, or where an x is not positive."""
-        use = ~self.at_floor & (self.errors > 0) & np.isfinite(self.errors)
+    def slope(self, of: str = "") -> float | None:
+        """Fitted slope of log error, or of a cost, over log x.
+
+        None below three resolved points, or where an x is not positive.
+        """
+        values = self.costs.get(of, self.errors)
+        use = (values > 0) & np.isfinite(values) & (~self.at_floor | (of in self.costs))
         if len(set(self.x[use])) < 3 or (self.x[use] <= 0).any():
             return None
-        x, y = np.log(self.x[use]), np.log(self.errors[use])
+        x, y = np.log(self.x[use]), np.log(values[use])
         return float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
-
-
-@dataclass(frozen=True)
-class Axis:
-    """The axis of a metric.
-
-    Attributes:
-        label: of the axis.
-        noise: of the reference, in the metric's unit; 0 where it has no such meaning.
-        is_log: for errors; a metric that is higher for better images has a linear axis.
-    """
-
-    label: str
-    noise: float = 0.0
-    is_log: bool = True
-
-    def shows(self, values: Floats) -> Mask:
-        """Which values have a place on it."""
-        return np.isfinite(values) & ((values > 0) | (not self.is_log))
 
 
 def axis_of(place: Place, metric: str) -> Axis:
     """How a metric is plotted: signed ones by their size; one of a plug-in that is not installed as an error."""
     if metric not in METRICS.names():
-        return Axis(metric)
+        return Axis(metric, metric)
     cls = METRICS.get(metric)
     unit = "" if cls.unit == "1" else f" [{cls.unit}]"
     label = f"|{metric}|{unit}" if cls.signed else f"{metric}{unit}"
     references = [group.reference for group in place.groups]
     noise = max(noise_of(reference, reference, metric) for reference in references)
-    return Axis(label, noise, cls.lower_is_better)
+    return Axis(label, metric, noise, is_log=cls.lower_is_better)
 
 
-def lines_at(place: Place, metric: str) -> list[Line]:
+def measured_at(place: Place, metric: str) -> list[Measured]:
     """The lines of a metric, in the order of the study; the first light says where they have points."""
     is_log = axis_of(place, metric).is_log
     alike = [
@@ -116,7 +98,7 @@ def lines_at(place: Place, metric: str) -> list[Line]:
         points = [[rows[point] for rows in alike] for point in members]
         errors, band = _mean([[row[metric] for row in point] for point in points], is_log)
         lines.append(
-            Line(
+            Measured(
                 place.sweep.labels[points[0][0]["key"]],
                 np.array([place.sweep.value(point[0]) for point in points], float),
                 {
@@ -133,22 +115,17 @@ def lines_at(place: Place, metric: str) -> list[Line]:
     return lines
 
 
-def named(lines: Sequence[Line]) -> tuple[str, list[str]]:
-    """A title and a name a line; where all are of one method, the title has it, and the names of its options."""
-    methods = {line.label.method for line in lines}
-    options = {tuple(line.label.options) for line in lines}
+def named(labels: Sequence[Label]) -> tuple[str, list[str]]:
+    """A title and a name for each line; where all are of one method, the title has it, and the names of its options."""
+    methods = {label.method for label in labels}
+    options = {tuple(label.options) for label in labels}
     if len(methods) > 1 or len(options) > 1 or () in options:
-        return "", [line.name for line in lines]
-    title = f"{lines[0].name.partition(' (')[0]} ({', '.join(*options)})"
-    return title, [", ".join(line.label.options.values()) for line in lines]
+        return "", [label.name for label in labels]
+    title = f"{labels[0].name.partition(' (')[0]} ({', '.join(*options)})"
+    return title, [", ".join(label.options.values()) for label in labels]
 
 
-def costing(line: Line, cost: str) -> Line:
-    """The line with a cost in the place of its errors."""
-    return replace(line, errors=line.costs[cost], at_floor=np.zeros_like(line.at_floor), band=None)
-
-
-def front(lines: Sequence[Line], cost: str, axis: Axis) -> list[Mask]:
+def front(lines: Sequence[Measured], cost: str, axis: Axis) -> list[Mask]:
     """For each line, its points on the Pareto front: no other has a lower cost and error, or one and the other equal.
 
     Errors that the reference cannot resolve count as equal: twice its noise, where the metric knows that.

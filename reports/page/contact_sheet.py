@@ -39,7 +39,7 @@ def pictures_of(results: Results, group: Group, shown: Sequence[Cell], name: str
         "limit": limit,
         "clipped": 100 * float(np.mean([np.abs(e) > limit for e in errors])),
         "exposure": exposure,
-        "stops": f"{round(float(np.log2(exposure)), 1) + 0.0:+.1f}".replace("-", "−"),
+        "stops": style.stops(exposure),
         "shape": mask.shape,
         "size": SIZE,
         "scaled": max(mask.shape) > SIZE,

@@ -11,24 +11,22 @@ import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from glossbench.findings.citations import cited_by
-from glossbench.findings.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 from glossbench.strict_json import dumps
-from glossbench.study.labels import budget_of, listed, parsed, with_names
+from glossbench.study.labels import budget_of, listed, with_names
 
 from .. import raster, style
-from ..model.answer import answer_of, claimed, drawn
-from ..model.axes import SAMPLES, Place, places_of, sweeps_of
-from ..model.conditions import Cell, Group, grouped, methods_of
+from ..model.answer import drawn
+from ..model.conditions import Cell, Group, methods_of
 from ..model.descriptions import described
-from ..model.equal import Value, error_at_time, time_at_error
-from ..model.lines import Floats, axis_of, lines_at
+from ..model.equal import Value
 from ..model.notation import runs
+from ..model.panels import Floats
+from ..model.report import Report
 from ..model.selection import MOST_PICTURES, chosen
 from ..model.spreadsheet import csv_link
-from ..model.times import shade_spread, spread_of, time_notes
+from ..model.times import shade_spread, spread_of
 from ..raster import CLIPPED_SHARE, WHITE, svg_uri
 from ..typesetting import Press
 from .contact_sheet import pictures_of
@@ -46,48 +44,35 @@ def write_report(folder: Path) -> Path:
     """Writes report.html into a folder of results, whole or not at all, and returns its path."""
     results = Results(folder)
     results.disk.own("report.html")
-    study, cells = results.study, results.cells
-    rows = [parsed(row) for row in cells.to_dict("records")]
-    metrics = [name for name in _metrics(study) if name in cells.columns]
-    groups = grouped(rows, metrics)
-    done = [group for group in groups if group.done]
-    sweeps = sweeps_of(done, study.get("claims") or ())
-    viewer = payload(results, groups, metrics[0] if metrics else None)
-    scripts = [module(PAGE), module(sorted(path.name for path in TEMPLATES.glob("viewer*.js")))]
+    report = Report.of(results)
+    viewer = payload(results, report.groups, report.measured[0] if report.measured else None)
+    scripts = [module(PAGE), module(["numbers.js", *sorted(path.name for path in TEMPLATES.glob("viewer*.js"))])]
     page = (
         _templates()
         .get_template("report.html")
         .render(
             scripts=scripts,
             policy=policy(scripts),
-            remarks=results.remarks(cells),
-            study=study,
-            study_yaml=yaml.safe_dump(study, sort_keys=False, allow_unicode=True),
-            claims=results.claims,
-            provenance=results.provenance,
-            metrics=metrics,
-            definitions=_metrics(study),
-            groups=groups,
-            most=max(FEWEST_ROWS, MOST_ROWS // max(1, len(groups))),
+            report=report,
+            study=report.study,
+            study_yaml=yaml.safe_dump(report.study, sort_keys=False, allow_unicode=True),
+            metrics=report.measured,
+            definitions=_metrics(report.study),
+            groups=report.groups,
+            most=max(FEWEST_ROWS, MOST_ROWS // max(1, len(report.groups))),
             most_rows=MOST_ROWS,
-            missing=_missing(groups),
+            missing=_missing(report.groups),
             viewer=viewer,
-            answer=_answer(results, groups, metrics),
-            plots=plot_data(done, sweeps, metrics),
-            equal=_equal(places_of(done, sweeps[SAMPLES]), metrics),
-            sheets=_sheets(results, groups),
-            patterns=_patterns(results, groups),
+            answer=_answer(report),
+            plots=plot_data(report),
+            sheets=_sheets(results, report.groups),
+            patterns=_patterns(results, report.groups),
             n_patterns=MANY_PATTERNS,
-            states=_states(results, groups),
-            csv=csv_link(_named(cells)),
-            methods=_methods([row["method"] for row in rows]),
-            citations=cited_by(_used(rows, metrics), str(study.get("source", ""))),
-            seen={key: _seen(rows, key) for key in ("version", "torch", "device", "processor", "seed", "light_key")},
+            states=_states(results, report.groups),
+            csv=csv_link(_named(results.cells)),
+            methods=_methods(report.seen("method")),
             white=WHITE,
             share=100 - CLIPPED_SHARE,
-            times=time_notes(rows),
-            verdict_words=explain_verdicts(results.claims),
-            table_words=explain_table(rows),
         )
     )
     results.disk.write("report.html", page)
@@ -107,8 +92,8 @@ def _templates() -> Environment:
     )
     templates.policies["json.dumps_function"] = dumps
     templates.policies["json.dumps_kwargs"] = {}
-    templates.filters |= {"number": style.number, "count": _count, "samples": _samples, "budget": budget_of}
-    templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable, "shortest": _shortest}
+    templates.filters |= {"number": style.number, "count": style.whole, "samples": _samples, "budget": budget_of}
+    templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable, "shortest": style.tick}
     templates.filters |= {"shade_spread": shade_spread, "spread": _spread}
     return templates
 
@@ -123,25 +108,12 @@ def _metrics(study: Mapping[str, Any]) -> dict[str, Any]:
     return dict.fromkeys(study.get("metrics") or ()) | {name: METRICS.get(name) for name in METRICS.names()}
 
 
-def _count(value: float | None) -> str:
-    """A whole number with narrow spaces between thousands."""
-    if value is None:
-        return "–"
-    return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
-
-
-def _shortest(value: float) -> str:
-    """A round number with no more digits than it has: 0.05, 1.5, 200."""
-    mantissa = f"{value:.1e}".split("e")[0].removesuffix(".0")
-    return style.number(value, len(mantissa.replace(".", "")))
-
-
 def _spread(value: Value) -> str:
     return spread_of(*value)
 
 
 def _samples(value: float) -> str:
-    return f"{_count(value)} {'sample' if value == 1 else 'samples'}"
+    return f"{style.whole(value)} {'sample' if value == 1 else 'samples'}"
 
 
 def _breakable(name: str) -> Markup:
@@ -171,35 +143,13 @@ def _missing(groups: Sequence[Group]) -> list[dict[str, Any]]:
     ]
 
 
-def _used(rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tuple[str, str]]:
-    """(kind, name) of all that a study is made of, methods first."""
-    kinds = ("method", "material", "light", "view")
-    return [(kind, name) for kind in kinds for name in _seen(rows, kind)] + [("metric", name) for name in metrics]
-
-
-def _answer(results: Results, groups: Sequence[Group], metrics: Sequence[str]) -> dict[str, Any] | None:
-    """The picture of the first screen, under the study's first metric."""
-    answer = answer_of(groups, metrics[0], claimed(results)) if metrics else None
-    if answer is None:
+def _answer(report: Report) -> dict[str, Any] | None:
+    """The picture of the first screen, under the first metric."""
+    if report.answer is None:
         return None
-    pictures = drawn(results, answer)
+    pictures = drawn(report.results, report.answer)
     bar = style.colour_bar(pictures["limit"], "image − reference [radiance]")
-    return pictures | {"metric": metrics[0], "bar": Markup(style.svg(bar, "answer-bar"))}
-
-
-def _equal(places: Sequence[Place], metrics: Sequence[str]) -> list[dict[str, Any]]:
-    """Tables of equal time and equal error of each place and metric, where two lines can be compared."""
-    found = []
-    for i, place in enumerate(places):
-        for metric in metrics:
-            lines, axis = lines_at(place, metric), axis_of(place, metric)
-            by_time, by_error = error_at_time(lines, axis), time_at_error(lines, axis)
-            if by_time or by_error:
-                found.append(
-                    {"place": i, "title": place.title, "metric": metric, "label": axis.label,
-                     "by_time": by_time, "by_error": by_error}
-                )  # fmt: skip
-    return found
+    return pictures | {"metric": report.measured[0], "bar": Markup(style.svg(bar, "answer-bar"))}
 
 
 def _sheets(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
@@ -268,8 +218,3 @@ def _states(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
                 tile = {"name": name, "title": group.title, "cell": cell, "shape": image.shape, "exposure": exposure}
                 tiles.append({**tile, "picture": raster.uri(png)})
     return tiles
-
-
-def _seen(rows: Sequence[Mapping[str, Any]], key: str) -> list[str]:
-    """Different values of a column, in order."""
-    return list(dict.fromkeys(str(row[key]) for row in rows if row.get(key) is not None))

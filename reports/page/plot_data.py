@@ -1,72 +1,104 @@
-"""The plots of a page as data: its script draws them, and draws them anew for another sweep, place or metric."""
+"""The plots of a page as data: every case of every figure, with what they share stored once."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ..model.axes import Place, Sweep, places_of, with_costs
-from ..model.conditions import Group
-from ..model.lines import COSTS, NEGLIGIBLE, Axis, Floats, Line, axis_of, costing, front, lines_at
+from glossbench.run.figures import FIGURES
+from glossbench.strict_json import dumps
+
+from ..figure import Case
+from ..model.panels import Axis, Ends, Floats, Line, Panel
+from ..model.report import Report
 
 
-def plot_data(groups: Sequence[Group], sweeps: Mapping[str, Sweep], metrics: Sequence[str]) -> dict[str, Any]:
-    """All places of all sweeps under all metrics; a number that is missing or not finite is None."""
+class Pool:
+    """JSON values, equal ones once; each is known by its place.
+
+    The costs of a line are the same under every metric, and its errors the same against every cost.
+    """
+
+    def __init__(self) -> None:
+        self.values: list[Any] = []
+        self._places: dict[str, int] = {}
+
+    def add(self, value: Any) -> int:
+        """The place of a value."""
+        text = dumps(value)
+        if text not in self._places:
+            self._places[text] = len(self.values)
+            self.values.append(value)
+        return self._places[text]
+
+    def numbers(self, values: Floats | None) -> int | None:
+        """The place of numbers; of six digits, which are more than a plot or its tip shows; None where not finite."""
+        if values is None:
+            return None
+        return self.add([float(f"{value:.6g}") if np.isfinite(value) else None for value in values])
+
+    def ends(self, ends: Ends | None) -> list[int | None] | None:
+        """The places of lower and upper ends."""
+        return ends and [self.numbers(end) for end in ends]
+
+
+def plot_data(report: Report) -> dict[str, Any]:
+    """What the script of the plots reads."""
+    pool, found, titles = Pool(), [], dict[str, str]()
+    for name in FIGURES.names():
+        figure = FIGURES.get(name)()
+        if figure.in_reports:
+            titles |= {option: each.title for option, each in figure.options.items() if option not in titles}
+            cases = [_case(case, pool) for case in figure.cases(report)]
+            found.append({"name": name, "options": list(figure.options), "cases": cases})
+    return {"figures": found, "options": titles, "pool": pool.values}
+
+
+def _case(case: Case, pool: Pool) -> dict[str, Any]:
+    given = {
+        name: pool.add({"name": choice.name, "title": choice.title, "part": choice.part})
+        for name, choice in case.choices.items()
+    }
+    return {"given": given, "panels": [_panel(panel, pool) for panel in case.panels.panels], "note": case.panels.note}
+
+
+def _panel(panel: Panel, pool: Pool) -> dict[str, Any]:
     return {
-        "costs": COSTS,
-        "negligible": NEGLIGIBLE,
-        "metrics": list(metrics),
-        "sweeps": [
-            {
-                "name": sweep.name,
-                "title": sweep.title,
-                "kind": sweep.kind,
-                "hasCosts": sweep in with_costs(sweeps),
-                "isSwept": sweep.n_values > 1,
-                "labels": {label.index: vars(label) for label in sweep.labels.values()},
-                "places": [
-                    {"title": place.title, "of": {metric: _plotted(place, metric) for metric in metrics}}
-                    for place in places_of(groups, sweep)
-                ],
-            }
-            for sweep in sweeps.values()
-        ],
+        "name": panel.name,
+        "x": pool.add(_axis(panel.x)),
+        "y": pool.add(_axis(panel.y)),
+        "lines": [_line(line, pool) for line in panel.lines],
+        "fronts": pool.add([[i, int(j)] for i, mask in enumerate(panel.fronts) for j in np.flatnonzero(mask)]),
+        "isMain": panel.is_main,
+        "isLastResort": panel.is_last_resort,
+        "bound": panel.bound,
     }
 
 
-def _plotted(place: Place, metric: str) -> dict[str, Any]:
-    lines, axis = lines_at(place, metric), axis_of(place, metric)
-    # What is cheap under one condition and exact under another is on no front.
-    fronts = {} if place.sweep.kind else {cost: front(lines, cost, axis) for cost in COSTS}
+def _axis(axis: Axis) -> dict[str, Any]:
     return {
         "label": axis.label,
+        "name": axis.name or axis.label,
         "noise": axis.noise,
         "isLog": axis.is_log,
-        "lines": [_line(line, axis) for line in lines],
-        "fronts": {
-            cost: [[i, int(j)] for i, mask in enumerate(masks) for j in np.flatnonzero(mask)]
-            for cost, masks in fronts.items()
-        },
+        "hasZero": axis.has_zero,
+        "atValues": axis.at_values,
+        "names": list(axis.names),
     }
 
 
-def _line(line: Line, axis: Axis) -> dict[str, Any]:
-    low, high = line.band or (None, None)
-    return {
-        "index": line.label.index,
-        "slopes": {"": line.slope() if axis.is_log else None, **{cost: costing(line, cost).slope() for cost in COSTS}},
-        "keys": list(line.keys),
-        "x": {"over": _short(line.x), **{cost: _short(line.costs[cost]) for cost in COSTS}},
-        "y": _short(line.errors),
-        "floor": [bool(at) for at in line.at_floor],
-        "low": _short(low),
-        "high": _short(high),
-        "spread": line.spread and [_short(end) for end in line.spread],
+def _line(line: Line, pool: Pool) -> list[int | None]:
+    """Places of x, of y, and of all else."""
+    beside = [{"title": each.title, "values": pool.numbers(each.values), "spread": pool.ends(each.spread)}
+              for each in line.beside]  # fmt: skip
+    rest: Mapping[str, Any] = {
+        "label": pool.add(vars(line.label)),
+        "keys": pool.add(list(line.keys)),
+        "hollow": pool.add([bool(at) for at in line.is_hollow]),
+        "band": pool.ends(line.band),
+        "interval": pool.ends(line.interval),
+        "spread": pool.ends(line.spread),
+        "slope": line.slope,
+        "beside": beside,
     }
-
-
-def _short(values: Floats | None) -> list[float | None] | None:
-    """Six digits are more than a plot or its tip shows."""
-    if values is None:
-        return None
-    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
+    return [pool.numbers(line.x), pool.numbers(line.y), pool.add(rest)]

@@ -11,7 +11,7 @@ from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 
 from .. import raster, style
-from ..model.answer import MOST_TILES, telling
+from ..model.answer import MOST_TILES, best_cells
 from ..model.conditions import Cell, Group
 from ..model.crops import Crop, crops_of
 from ..model.selection import middle_budgets
@@ -101,7 +101,6 @@ class PrintedGroup:
 
     def _scale(self, limit: float, errors: Iterable[Floats]) -> dict[str, Any]:
         beyond = [np.abs(error[self.mask]) > limit for error in errors]
-        stops = f"{round(float(np.log2(self.exposure)), 1) + 0.0:+.1f}".replace("-", "−")
         return {
             "title": self.group.title,
             "scale": self.press.add(raster.scale(self.signed), "png"),
@@ -109,7 +108,7 @@ class PrintedGroup:
             "label": self._label(),
             "limit": style.number(limit),
             "clipped": style.number(100 * float(np.mean(beyond)), 2),
-            "stops": stops,
+            "stops": style.stops(self.exposure),
             "size": f"{self.mask.shape[1]} × {self.mask.shape[0]}",
         }
 
@@ -145,9 +144,10 @@ def caption(cell: Cell) -> list[str]:
     return [str(row["method"]), cell.options, count, f"RMS {style.number(row['rms'])}", *flip]
 
 
-def telling_few(group: Group, metric: str | None) -> list[Cell]:
+def best_few(group: Group, metric: str | None) -> list[Cell]:
     """Of the lines of a group, each at its middle budget, those that one row of crops shows."""
     cells = middle_budgets(group)
     if len(cells) <= MOST_TILES:
         return cells
-    return telling([c for c in cells if metric and c.row.get(metric) is not None], metric or "") or cells[:MOST_TILES]
+    known = [cell for cell in cells if metric and cell.row.get(metric) is not None]
+    return best_cells(known, metric or "") or cells[:MOST_TILES]

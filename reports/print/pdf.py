@@ -9,23 +9,22 @@ import yaml
 from matplotlib.figure import Figure
 
 from glossbench.atomic import replacing
-from glossbench.findings.citations import cited_by
-from glossbench.findings.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
+from glossbench.run.figures import FIGURES
 from glossbench.run.results import Results
-from glossbench.study.labels import listed, parsed
+from glossbench.study.labels import listed
 
-from ..model.answer import answer_of, claimed
-from ..model.axes import FEWEST, SAMPLES, Place, Sweep, places_of, sweeps_of, with_costs
-from ..model.conditions import Group, grouped, sole_method
+from ..model.axes import FEWEST, SAMPLES, Place, Sweep, with_costs
+from ..model.conditions import Group
 from ..model.descriptions import described
-from ..model.equal import error_at_time, time_at_error
-from ..model.lines import COSTS, axis_of, lines_at
+from ..model.lines import COSTS
 from ..model.notation import runs
+from ..model.panels import Panels, shown
+from ..model.report import Report
 from ..model.selection import MOST_PICTURES, chosen, middle_budgets
 from ..typesetting import Press
-from .images import PrintedGroup, telling_few
-from .plots import against_costs, cost_over_sweep, error_by_method, facets, over_sweep, plot
+from .images import PrintedGroup, best_few
+from .plots import comparable, draw, facets
 from .tables import claim_table, cost_table, equal_table, error_tables, reference_table
 
 MOST_WITHOUT = 100  # cells without an image that are told one by one
@@ -39,45 +38,41 @@ def write_report(folder: Path) -> Path:
     """Writes report.pdf into a folder of results, whole or not at all, and returns its path."""
     results = Results(folder)
     results.disk.own("report.pdf")
-    study, cells, claims = results.study, results.cells, results.claims
-    rows = [parsed(row) for row in cells.to_dict("records")]
-    metrics = [name for name in study.get("metrics") or () if name in cells.columns]
-    groups = grouped(rows, metrics)
-    done = [group for group in groups if group.done]
-    sweeps = sweeps_of(done, study.get("claims") or ())
-    citations = cited_by(_used(rows, metrics), str(study.get("source") or ""))
+    report = Report.of(results)
+    study, groups, metrics = report.study, report.groups, report.metrics
     with Press() as press:
-        answer, images = _images(results, groups, metrics, press)
-        plots, more_plots = _plots(done, sweeps, metrics[0], press) if metrics else ([], [])
+        answer, images = _images(report, press)
+        plots, more_plots = _plots(report, press)
         errors, *more_errors = error_tables(groups, metrics)
         data = {
             "title": str(study.get("title", "")),
             "source": str(study.get("source") or ""),
             "question": " ".join(str(study.get("question") or "").split()),
-            "facts": [*_facts(results.provenance, rows), *results.remarks(cells)],
-            "claims": [{"text": c["text"], "verdict": c["verdict"], "summary": c.get("summary", "")} for c in claims],
-            "verdict_words": _words(explain_verdicts(claims)),
-            "table_words": _words(explain_table(rows)),
-            "method": sole_method(groups),
+            "facts": [*_facts(report.provenance, report.rows), *report.remarks],
+            "claims": [{"text": c["text"], "verdict": c["verdict"], "summary": c.get("summary", "")}
+                       for c in report.claims],
+            "verdict_words": _words(report.verdict_words),
+            "table_words": _words(report.table_words),
+            "method": report.sole_method,
             "answer": answer,
             "errors": errors,
             "more_errors": more_errors,
-            "tables_last": len(rows) > MANY_CELLS,
+            "tables_last": len(report.rows) > MANY_CELLS,
             "costs": cost_table(groups),
             "plots": plots,
             "more_plots": more_plots,
-            "equal": _equal(places_of(done, sweeps[SAMPLES]), metrics[0]) if metrics else [],
+            "equal": _equal(report),
             "images": images,
-            "methods": _methods(rows, press),
+            "methods": _methods(report.seen("method"), press),
             "metrics": [_metric(name) for name in metrics],
             "references": reference_table(groups),
             "without_image": _without_image(groups),
             "n_without_image": sum(not cell.done for group in groups for cell in group.cells),
-            "numbers": [claim_table(claim) for claim in claims if claim.get("numbers")],
-            "bibliography": press.add("\n".join(c.bibtex for c in citations).encode(), "bib") if citations else None,
+            "numbers": [claim_table(claim) for claim in report.claims if claim.get("numbers")],
+            "bibliography": _bibliography(report, press),
             "study": yaml.safe_dump(study, sort_keys=False, allow_unicode=True, width=112, default_flow_style=None),
-            "provenance": _provenance(results.provenance, study, groups),
-        }
+            "provenance": _provenance(report.provenance, study, groups),
+        }  # fmt: skip
         pdf = press.pages("report.typ", data)
     path = results.disk.path("report.pdf")
     with replacing(path) as part:
@@ -85,108 +80,109 @@ def write_report(folder: Path) -> Path:
     return path
 
 
-def _images(
-    results: Results, groups: Sequence[Group], metrics: Sequence[str], press: Press
-) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
+def _images(report: Report, press: Press) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
     """The figure of the answer; and of each group the whole images and, unless it is the answer's, crops."""
-    answer = answer_of(groups, metrics[0], claimed(results)) if metrics else None
+    metric = report.metrics[0] if report.metrics else None
+    answer = report.answer if metric else None
     first, found = None, []
-    for group, cells in zip(groups, chosen(groups, MOST_PICTURES), strict=True):
+    for group, cells in zip(report.groups, chosen(report.groups, MOST_PICTURES), strict=True):
         if not group.done:
             continue
-        printed = PrintedGroup(results, group, press)
+        printed = PrintedGroup(report.results, group, press)
         crops = None
         if answer is not None and answer.group is group:
             first = printed.crops(answer.cells)
         else:
-            few = telling_few(group, metrics[0] if metrics else None)
+            few = best_few(group, metric)
             crops = printed.crops(few) | {"n_shown": len(few), "n_lines": len(middle_budgets(group))}
         found.append({"whole": printed.whole(cells), "crops": crops, "left_out": len(group.done) - len(cells)})
     return first, found
 
 
-def _plots(
-    groups: Sequence[Group], sweeps: Mapping[str, Sweep], metric: str, press: Press
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def _plots(report: Report, press: Press) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """The study's first metric, and costs, over what the study sweeps first, and the metric over each parameter that it
-    sweeps; and at each place the metric against costs.
+    sweeps; and at each place all figures of the metric.
 
     Second, for the appendix, those of many places. Along a swept parameter the first of many places stands for all.
     """
-    first = next(iter(sweeps.values()))
-    places, later, of = places_of(groups, with_costs(sweeps)[0]), list[Place](), ""
+    if not report.metrics:
+        return [], []
+    first = next(iter(report.axes.values()))
+    axis = with_costs(report.axes)[0]
+    places, later, of = report.places(axis), list[Place](), ""
     if len(places) > MANY_PLACES and first.kind:
         of = f", the first of {len(places)} conditions of the study"
         places = places[:1]
     elif len(places) > MANY_PLACES:
         singles, means = ([p for p in places if (len(p.lights) > 1) == is_mean] for is_mean in (False, True))
         places, later = (means, singles) if 0 < len(means) <= MANY_PLACES else (places[:1], places[1:])
-    parameters = [sweep for sweep in sweeps.values() if sweep.kind and sweep.n_values >= FEWEST and sweep is not first]
+    parameters = [each for each in report.axes.values() if each.kind and each.n_values >= FEWEST and each is not first]
     # One figure after the other: many at once take a GB.
-    swept = (each for sweep in (first, *parameters) for each in _over_sweep(groups, sweep, metric))
-    shown = chain(swept, _at(places, metric, of))
-    return _printed(shown, press), _printed(_at(later, metric), press)
+    swept = (each for axis in (first, *parameters) for each in _over_axis(report, axis))
+    shown = chain(swept, _at(report, places, of))
+    return _printed(shown, press), _printed(_at(report, later), press)
 
 
-def _over_sweep(groups: Sequence[Group], sweep: Sweep, metric: str) -> Iterator[Titled]:
-    places = places_of(groups, sweep) if sweep.name != SAMPLES else []
+def _over_axis(report: Report, axis: Sweep) -> Iterator[Titled]:
+    """Convergence over what is swept, other than samples; of an option, which changes costs, with these."""
+    places, metric = report.places(axis) if axis.name != SAMPLES else [], report.metrics[0]
     left = f", the last of {MOST_SWEPT} of {len(places)} conditions of the study" if len(places) > MOST_SWEPT else ""
     for i, place in enumerate(places[:MOST_SWEPT], 1):
-        panels = over_sweep(place, metric)
-        what = metric
-        if panels and sweep.kind:
+        metrics = [metric] if axis.kind else [metric, *COSTS]
+        drawn = [_data("convergence", report, metric=each, over=axis, group=place) for each in metrics]
+        panels = [panel for each in drawn for panel in each.panels if not panel.is_last_resort and panel.has_points]
+        if axis.kind:
             panels = facets(panels)
-        elif panels:  # what a method is told changes its costs
-            panels += [panel for cost in COSTS for panel in cost_over_sweep(place, metric, cost)]
-            what = f"{metric} and costs"
         if panels:
             of = left if i == MOST_SWEPT else ""
-            yield plot(panels), f"{place.title}{of}: {what} over {sweep.title}"
+            what = metric if axis.kind else f"{metric} and costs"
+            yield draw(panels), f"{place.title}{of}: {what} over {axis.title}"
 
 
-def _at(places: Sequence[Place], metric: str, of: str = "") -> Iterator[Titled]:
-    """A metric over samples and costs; where each method has one budget and no cost, by method."""
+def _at(report: Report, places: Sequence[Place], of: str = "") -> Iterator[Titled]:
+    """All figures of a metric at each place, side by side; convergence over anything but samples stands above."""
     for place in places:
-        lines = lines_at(place, metric)
-        over = over_sweep(place, metric) if place.sweep.name == SAMPLES else []
-        if panels := [*over, *against_costs(place, metric)]:
-            what = "over samples and costs" if over else "against costs"
-            yield plot(panels), f"{place.title}{of}: {metric} {what}"
-        elif lines:
-            figure = error_by_method(lines, axis_of(place, metric))
-            yield figure, f"{place.title}{of}: {metric} by method"
+        is_above = place.sweep.name != SAMPLES
+        names = [name for name in FIGURES.names() if not (is_above and name == "convergence")]
+        drawn = [_data(name, report, metric=report.metrics[0], over=place.sweep, group=place) for name in names]
+        panels = shown([panel for each in drawn for panel in comparable(each.panels)])
+        if panels:
+            titles = dict.fromkeys(each.title for each in drawn if any(panel in panels for panel in each.panels))
+            yield draw(panels), f"{place.title}{of}: {report.metrics[0]} {' and '.join(titles)}"
+
+
+def _data(name: str, report: Report, **given: Any) -> Panels:
+    """What a figure shows, where it is one of reports that is asked for no more than this."""
+    figure = FIGURES.get(name)()
+    return figure.data(report, **given) if figure.in_reports and set(figure.options) <= set(given) else Panels()
 
 
 def _printed(figures: Iterable[Titled], press: Press) -> list[dict[str, Any]]:
     return [press.figure(figure) | {"alt": f"Plots of {title}", "caption": title} for figure, title in figures]
 
 
-def _equal(places: Sequence[Place], metric: str) -> list[dict[str, Any]]:
+def _equal(report: Report) -> list[dict[str, Any]]:
     """Tables of equal time and equal error of each place, where two lines can be compared; of many places the means."""
-    found = []
-    if len(places) > MOST_SWEPT:
-        places = [place for place in places if len(place.lights) > 1] or places
-    for place in places[:MOST_SWEPT]:
-        lines, axis = lines_at(place, metric), axis_of(place, metric)
-        if by_time := error_at_time(lines, axis):
-            found.append(equal_table(by_time, f"{place.title}: {axis.label} at equal shading time", "ms"))
-        if by_error := time_at_error(lines, axis):
-            found.append(equal_table(by_error, f"{place.title}: shading time [ms] at equal {axis.label}", ""))
-    return found
+    found = [each for each in report.equal if each.metric == next(iter(report.metrics), None)]
+    if len(report.places(report.axes[SAMPLES])) > MOST_SWEPT:
+        found = [each for each in found if len(each.place.lights) > 1] or found
+    tables = []
+    for place, axis, by_time, by_error in ((e.place, e.axis, e.by_time, e.by_error) for e in found[:MOST_SWEPT]):
+        if by_time:
+            tables.append(equal_table(by_time, f"{place.title}: {axis.label} at equal shading time", "ms"))
+        if by_error:
+            tables.append(equal_table(by_error, f"{place.title}: shading time [ms] at equal {axis.label}", ""))
+    return tables
 
 
-def _used(rows: Sequence[Mapping[str, Any]], metrics: Sequence[str]) -> list[tuple[str, str]]:
-    """(kind, name) of all that a study is made of, methods first."""
-    found = {(kind, str(row[kind])): None for kind in ("method", "material", "light", "view") for row in rows}
-    return [*found, *(("metric", name) for name in metrics)]
+def _bibliography(report: Report, press: Press) -> str | None:
+    """The file of the works cited; None where there are none."""
+    return press.add("\n".join(c.bibtex for c in report.citations).encode(), "bib") if report.citations else None
 
 
-def _methods(rows: Sequence[Mapping[str, Any]], press: Press) -> list[dict[str, Any]]:
+def _methods(names: Sequence[str], press: Press) -> list[dict[str, Any]]:
     """Methods in words; an equation that cannot be set is printed as it was written."""
-    return [
-        each._asdict() | {"is_set": press.is_equation(each.equation)}
-        for each in described([row["method"] for row in rows])
-    ]
+    return [each._asdict() | {"is_set": press.is_equation(each.equation)} for each in described(names)]
 
 
 def _words(said: Mapping[str, str]) -> list[dict[str, str]]:

@@ -11,7 +11,7 @@ from ..model.conditions import Cell, Group, sole_method
 from ..model.equal import Table
 from ..model.lines import named
 from ..model.times import shade_spread, spread_of, time_notes
-from ..style import number
+from ..style import number, tick, whole
 
 Texts = list[dict[str, Any]]
 MOST_ROWS, FEWEST_ROWS = 600, 5  # of a table, in all and of one part
@@ -95,8 +95,8 @@ def reference_table(groups: Sequence[Group]) -> dict[str, Any] | None:
 
 def equal_table(table: Table, caption: str, unit: str) -> dict[str, Any]:
     """What each line would reach at equal times or errors, between the points it has."""
-    title, names = named(table.lines)
-    columns = [_column(title or "method"), *(_column(f"{at:g}", unit) for at in table.at)]
+    title, names = named([line.label for line in table.lines])
+    columns = [_column(title or "method"), *(_column(tick(at), unit) for at in table.at)]
     rows = [
         {"name": name, "options": "", "cells": [
             _text(_with_spread(number(value.middle), spread_of(*value)) if value else "–", best == i)
@@ -130,13 +130,6 @@ def claim_table(claim: Mapping[str, Any]) -> dict[str, Any]:
     rows += _left_out(len(claim["numbers"]) - MOST_ROWS, "cases: all are in claims.json")
     groups = [{"title": "", "rows": rows}]
     return {"caption": f"{claim['text']}: {claim['verdict']}.", "columns": columns, "groups": groups}
-
-
-def whole(value: float | None) -> str:
-    """A whole number with narrow spaces between thousands."""
-    if value is None:
-        return "–"
-    return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
 
 
 def _table(

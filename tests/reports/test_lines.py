@@ -10,8 +10,10 @@ import pytest
 from glossbench.reports.model.axes import Label, places_of, sweeps_of, with_costs
 from glossbench.reports.model.conditions import grouped
 from glossbench.reports.model.equal import error_at_time, time_at_error
-from glossbench.reports.model.lines import Axis, Line, front, lines_at
-from glossbench.reports.print.plots import facets, over_sweep
+from glossbench.reports.model.lines import Measured, front, measured_at
+from glossbench.reports.model.panels import Axis
+from glossbench.reports.model.plots import over_axis
+from glossbench.reports.print.plots import facets
 from glossbench.reports.print.tables import equal_table
 from glossbench.reports.style import COLOURS
 from glossbench.study.labels import parsed
@@ -22,7 +24,7 @@ SAMPLES = [4, 16, 64]
 
 def line(name, index, ms, errors, at_floor=None):
     n = len(ms)
-    return Line(
+    return Measured(
         Label(name, index, index, "#000000"),
         np.arange(1.0, n + 1),
         {"shade": np.array(ms, float)},
@@ -66,7 +68,7 @@ def test_each_light_has_a_place_and_all_of_them_one_more():
 
 
 def test_a_line_knows_its_cells_and_all_its_costs():
-    first = lines_at(places(rows([1]))[0], "rms")[0]
+    first = measured_at(places(rows([1]))[0], "rms")[0]
 
     assert first.name == "few"
     assert first.keys == ["few-4-0", "few-16-0", "few-64-0"]
@@ -78,18 +80,18 @@ def test_a_line_knows_its_cells_and_all_its_costs():
 
 
 def test_the_band_over_lights_is_the_t_interval_of_the_mean_of_log_error():
-    check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
+    check_band(measured_at(mean_of([0.5, 1, 2, 3]), "rms"))
 
 
 def test_the_check_of_bands_notices_a_normal_interval_and_a_mean_of_errors(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr("glossbench.reports.model.lines.stdtrit", lambda n, p: NormalDist().inv_cdf(p))
         with pytest.raises(AssertionError):
-            check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
+            check_band(measured_at(mean_of([0.5, 1, 2, 3]), "rms"))
     monkeypatch.setattr("glossbench.reports.model.lines.np.log", lambda x: x)
     monkeypatch.setattr("glossbench.reports.model.lines.np.exp", lambda x: x)
     with pytest.raises(AssertionError):
-        check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
+        check_band(measured_at(mean_of([0.5, 1, 2, 3]), "rms"))
 
 
 def check_band(lines):
@@ -105,7 +107,7 @@ def check_band(lines):
 
 
 def test_two_lights_have_a_mean_and_no_band():
-    first = lines_at(mean_of([1, 4]), "rms")[0]
+    first = measured_at(mean_of([1, 4]), "rms")[0]
 
     assert first.errors == pytest.approx(2 * np.array(RMS["few"]))
     assert first.band is None
@@ -322,7 +324,7 @@ def test_the_check_of_materials_notices_another_difference_and_a_wrong_order():
 
 def check_material(given):
     (place,) = places(given[::-1], "material.s")  # in any order
-    lines = {line.name: line for line in lines_at(place, "rms")}
+    lines = {line.name: line for line in measured_at(place, "rms")}
     assert place.title == "spots, kurt, sphere"
     assert {name.partition("mip_filter ")[2][:-1] for name in lines} == set(ERRORS)
     for name, line in lines.items():
@@ -342,7 +344,7 @@ def test_over_a_material_lights_have_a_mean():
 
     assert len(each) == 2
     assert mean.title == "mean over 2 lights, kurt, sphere"
-    assert lines_at(mean, "rms")[0].errors == pytest.approx(2 * np.array([0.4, 0.2, 0.1, 0.05]))
+    assert measured_at(mean, "rms")[0].errors == pytest.approx(2 * np.array([0.4, 0.2, 0.1, 0.05]))
 
 
 def test_options_with_numbers_are_swept_and_the_others_tell_lines():
@@ -350,8 +352,8 @@ def test_options_with_numbers_are_swept_and_the_others_tell_lines():
 
     (place,) = places(given, "regions")
 
-    assert [line.name for line in lines_at(place, "rms")] == ["few (storage cube)", "few (storage map)"]
-    assert [line.slope() for line in lines_at(place, "rms")] == pytest.approx([-1, -1])
+    assert [line.name for line in measured_at(place, "rms")] == ["few (storage cube)", "few (storage map)"]
+    assert [line.slope() for line in measured_at(place, "rms")] == pytest.approx([-1, -1])
 
 
 @pytest.mark.parametrize(
@@ -412,7 +414,7 @@ def test_errors_are_against_costs_along_budgets_under_one_condition(cells, expec
 def test_no_slope_is_fitted_where_x_is_not_positive():
     given = swept([({}, {"bias": bias}, 0.1 * (bias + 2)) for bias in (-1, 0, 1, 2)])
 
-    (line,) = lines_at(places(given, "bias")[0], "rms")
+    (line,) = measured_at(places(given, "bias")[0], "rms")
 
     assert list(line.x) == [-1, 0, 1, 2]
     assert line.slope() is None
@@ -422,10 +424,10 @@ def test_many_lines_have_a_facet_for_those_that_share_the_option_that_divides_th
     names = [(f, kind) for f in ("none", "box", "gauss", "cosine") for kind in ("cube", "map")]
     given = swept([({}, {"filter": f, "storage": kind, "k": k}, 0.1) for f, kind in names for k in (1, 2, 3)])
 
-    labels = [line.label for line in lines_at(places(given, "k")[0], "rms")]
+    labels = [line.label for line in measured_at(places(given, "k")[0], "rms")]
 
     assert [label.facet for label in labels] == [0, 1] * 4
-    few = [line.label for line in lines_at(places(given[:9], "k")[0], "rms")]
+    few = [line.label for line in measured_at(places(given[:9], "k")[0], "rms")]
     assert [label.facet for label in few] == [None] * 3
 
 
@@ -434,17 +436,18 @@ def test_a_method_of_one_budget_is_in_every_facet():
     given = swept([({}, {"filter": f, "storage": kind, "k": k}, 0.1) for f, kind in names for k in (1, 2, 3)])
     given += [given[0] | {"method": "lookup", "key": f"l{k}", "options": {"k": k}} for k in (1, 2, 3)]
 
-    panels = facets(over_sweep(places(given, "k")[0], "rms"))
+    (place,) = places(given, "k")
+    panels = facets([over_axis(place, "rms", measured_at(place, "rms"))])
 
     assert [panel.title for panel in panels] == ["storage cube", "storage map"]
-    assert all("lookup" in [line.name for line in panel.drawn] for panel in panels)
+    assert all("lookup" in [line.label.name for line in panel.drawn] for panel in panels)
 
 
 def test_a_sole_budget_is_in_the_name_of_a_line_beside_lines_that_are_named_by_their_budgets():
     def named_at(others):
         given = swept([({"method": "fis"}, {"k": k, "samples": n}, 0.1) for k in (1, 2) for n in others])
         given += swept([({"method": "is", "key": f"is {k}"}, {"k": k, "samples": 16}, 0.1) for k in (1, 2)])
-        return [line.name for line in lines_at(places(given, "k")[0], "rms")]
+        return [line.name for line in measured_at(places(given, "k")[0], "rms")]
 
     assert named_at((8, 32)) == ["fis (samples 8)", "fis (samples 32)", "is (samples 16)"]
     assert named_at((16,)) == ["fis", "is"]
@@ -456,7 +459,7 @@ def test_a_colour_is_a_method_and_its_lines_are_shades_and_dashes():
          for name in ("a", "b") for f in (("none", "box", "gauss") if name == "a" else ("box",)) for n in (1, 2)]
     )  # fmt: skip
 
-    labels = [line.label for line in lines_at(places(given)[0], "rms")]
+    labels = [line.label for line in measured_at(places(given)[0], "rms")]
 
     assert [label.method for label in labels] == [0, 0, 0, 1]
     assert [label.dash for label in labels] == [0, 1, 2, 0]

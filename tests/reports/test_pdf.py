@@ -17,12 +17,16 @@ from test_reports import CLAIMS, METHODS, SCRIPT, N, read_exr, write_results
 
 from glossbench.errors import InputError
 from glossbench.reports import raster, style, typesetting
+from glossbench.reports.figures import profile
 from glossbench.reports.model import crops
+from glossbench.reports.model.axes import Label
 from glossbench.reports.model.crops import Crop, crops_of
 from glossbench.reports.model.descriptions import described
 from glossbench.reports.model.notation import runs
-from glossbench.reports.print import figure_files, pdf, profile
+from glossbench.reports.print import pdf
 from glossbench.reports.print.images import middle_budgets
+from glossbench.run.figures import FIGURES
+from glossbench.run.results import Results
 from glossbench.shading.method import METHODS as REGISTERED
 
 SOURCE_CODE = '#panic("x") #read("/etc/hostname") $x$ *b* @label'
@@ -305,30 +309,34 @@ def test_what_a_study_sweeps_is_plotted_first(imageless, tmp_path):
     text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())
 
     assert "spots, kurt, sphere: rms over s of the material" in text
-    assert text.index("rms over s of the material") < text.index("rms over samples and costs")
+    assert text.index("rms over s of the material") < text.index("rms over samples and against costs")
 
 
 def test_convergence_is_over_what_it_is_told_and_else_over_what_the_study_sweeps(tmp_path):
     folder = three_materials(tmp_path / "materials", [1, 4, 64])
 
     for name, options in (("s of the material", {}), ("light samples", {"over": "samples", "group": 2})):
-        figure_files.convergence(folder, tmp_path / "f.pdf", **options)
+        write("convergence", folder, tmp_path / "f.pdf", **options)
         assert name in text_of((tmp_path / "f.pdf").read_bytes())
-    figure_files.convergence(folder, tmp_path / "f.pdf", metric="shade")
+    write("convergence", folder, tmp_path / "f.pdf", metric="shade")
     assert "shading time [ms]" in text_of((tmp_path / "f.pdf").read_bytes())
 
 
-FIGURES = {
+def write(name, folder, path, **asked):
+    FIGURES.get(name)().write(Results.open(folder), path, **asked)
+
+
+ASKED = {
     "answer": {}, "crops": {"group": 2, "crop": [(4, 8, 20, 30), (30, 30, 16, 16)]}, "images": {"group": 1},
     "convergence": {"group": 1}, "costs": {"group": 2, "metric": "max_error"}, "profile": {"group": 1},
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("name", ASKED)
 def test_a_figure_is_one_page_of_its_size(name, folder, tmp_path):
     path = tmp_path / f"{name}.pdf"
 
-    getattr(figure_files, name)(folder, path, **FIGURES[name])
+    write(name, folder, path, **ASKED[name])
 
     (page,) = pages_of(path.read_bytes())
     text = "".join(page["text"].split())  # small type comes in pieces
@@ -344,16 +352,16 @@ def test_a_profile_runs_through_the_brightest_pixel_of_the_surface():
     reference[2, 3], reference[1, 1], mask[1, 1] = 2.0, 9.0, False
 
     row = profile.brightest_row(reference, mask)
-    lines = profile.cross_section(reference, [("method", 3 * reference, ("#0072b2", 0))], mask, row).axes[0].lines
+    line = profile.along(row, mask, Label("method", 0, 0, "#0072b2"), 3 * reference)
 
     assert row == 2
-    assert [line.get_ydata().tolist() for line in lines] == [[0, 0, 0, 2, 0], [0, 0, 0, 6, 0]]
+    assert (line.x.tolist(), line.y.tolist()) == ([0, 1, 2, 3, 4], [0, 0, 0, 6, 0])
 
 
 def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
     path = tmp_path / "crops.pdf"
 
-    figure_files.crops(folder, path, group=1, crop=[(4, 8, 20, 30)])
+    write("crops", folder, path, group=1, crop=[(4, 8, 20, 30)])
 
     (page,) = pages_of(path.read_bytes())
     reference = read_exr(folder / "references" / "ref0.exr")
@@ -371,7 +379,7 @@ def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
 def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path):
     path = tmp_path / f"f.{ending}"
 
-    figure_files.convergence(folder, path, group=1)
+    write("convergence", folder, path, group=1)
 
     if ending == "png":
         with Image.open(path) as image:
@@ -393,7 +401,7 @@ def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path
 )
 def test_a_figure_that_cannot_be_is_one_line_and_no_file(name, options, path, message, folder, tmp_path):
     with pytest.raises(InputError, match=message) as caught:
-        getattr(figure_files, name)(folder, tmp_path / path, **options)
+        write(name, folder, tmp_path / path, **options)
 
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
@@ -452,7 +460,7 @@ def test_of_many_lines_no_page_is_a_heading_alone_and_no_image_is_cut(pages_of_m
 
 
 def test_the_checks_notice_crops_of_all_lines(many, monkeypatch):
-    monkeypatch.setattr(pdf, "telling_few", lambda group, _: middle_budgets(group))
+    monkeypatch.setattr(pdf, "best_few", lambda group, _: middle_budgets(group))
     monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
     pages = pages_of(pdf.write_report(many).read_bytes())
 
@@ -513,8 +521,8 @@ def test_along_a_swept_parameter_one_condition_stands_for_many(imageless, tmp_pa
 
     text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())
 
-    assert text.count("rms over samples and costs") == 1
-    assert "the first of 3 conditions of the study: rms over samples and costs" in text
+    assert text.count("rms over samples and against costs") == 1
+    assert "the first of 3 conditions of the study: rms over samples and against costs" in text
 
 
 def test_templates_are_part_of_the_package():

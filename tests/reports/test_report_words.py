@@ -8,13 +8,16 @@ import pytest
 import yaml
 from markupsafe import Markup
 from test_pdf import text_of
-from test_reports import data_of, write_results
+from test_reports import data_of, labels_of, write_results
 
 from glossbench.errors import InputError
 from glossbench.reports import style
+from glossbench.reports.model.options import AxisOption
+from glossbench.reports.model.report import Report
 from glossbench.reports.model.times import time_notes
 from glossbench.reports.page import html, payload
-from glossbench.reports.print import figure_files, pdf, tables
+from glossbench.reports.print import pdf, tables
+from glossbench.run.results import Results
 
 
 @pytest.fixture(scope="module")
@@ -120,8 +123,7 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
     def over(name, **options):
         cells.assign(**options).to_parquet(tmp_path / "cells.parquet")
-        run = figure_files._read(tmp_path, None)
-        return figure_files._swept(run, name).name
+        return AxisOption().asked(Report.of(Results.open(tmp_path)), {}, name).name
 
     alike = {"view_options": '{"resolution": 64}'}
     assert over("m", **alike) == over("material.m", **alike) == "material.m"
@@ -138,7 +140,8 @@ def test_a_line_of_the_page_has_the_colour_of_its_method(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(style, "svg", lambda *_: "")
         patch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
-        (sweep, *_) = data_of(html.write_report(folder).read_text(encoding="utf-8"))["sweeps"]
+        data = data_of(html.write_report(folder).read_text(encoding="utf-8"))
 
-    methods = {label["name"].partition(" (")[0]: label["method"] for label in sweep["labels"].values()}
+    labels = labels_of(data)
+    methods = {label["name"].partition(" (")[0]: label["method"] for label in labels}
     assert sorted(methods.values()) == list(range(len(methods)))

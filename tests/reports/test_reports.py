@@ -15,6 +15,7 @@ from PIL import Image
 
 from glossbench.reports import raster, style
 from glossbench.reports.model import axes, lines, selection
+from glossbench.reports.model.conditions import Cell, Group
 from glossbench.reports.page import html, payload
 
 SCRIPT = "<script>alert('x')</script>"
@@ -245,7 +246,7 @@ def test_a_metric_that_old_results_do_not_have_is_left_out(tmp_path, text_only):
 
     page = html.write_report(folder).read_text(encoding="utf-8")
 
-    assert data_of(page)["metrics"] == ["rms", "of_a_plug_in", "relative_rms"]
+    assert metrics_of(data_of(page)) == ["rms", "of_a_plug_in", "relative_rms"]
     assert "defined by a plug-in" in page
     assert not re.search(r'class="n">(flip|max_error|absent_plug_in)', page)
 
@@ -392,7 +393,9 @@ def test_slope_is_fitted_through_resolved_points():
     rms[-1] = 0.1  # held up by the reference's noise
 
     def line(k, at_floor):
-        return lines.Line(axes.Label("m", 0, 0, "#000000"), n[:k], {"shade": n[:k]}, rms[:k], np.array(at_floor[:k]))
+        return lines.Measured(
+            axes.Label("m", 0, 0, "#000000"), n[:k], {"shade": n[:k]}, rms[:k], np.array(at_floor[:k])
+        )
 
     assert line(4, [False, False, False, True]).slope() == pytest.approx(-0.75)
     assert line(4, [False] * 4).slope() > -0.7
@@ -400,9 +403,9 @@ def test_slope_is_fitted_through_resolved_points():
 
 
 def test_of_many_cells_each_line_shows_three_budgets_then_one():
-    cells = [html.Cell({"method": m, "n_samples": n, "status": "done"}, "", i)
+    cells = [Cell({"method": m, "n_samples": n, "status": "done"}, "", i)
              for i, m in enumerate("abc") for n in range(9)]  # fmt: skip
-    group = html.Group("", {}, cells, {}, {})
+    group = Group("", {}, cells, {}, {})
 
     def shown(most):
         return [
@@ -440,6 +443,18 @@ def test_numbers_have_three_digits(value, text):
 def data_of(page):
     """What the script of the plots reads."""
     return json.loads(re.search(r'<script type="application/json" id="plot-data">(.*?)</script>', page)[1])
+
+
+def metrics_of(data):
+    """Metrics that the page's plots may be under, in order."""
+    named = [data["pool"][case["given"]["metric"]] for figure in data["figures"] for case in figure["cases"]]
+    return list(dict.fromkeys(each["name"] for each in named if each["part"] == "Metrics"))
+
+
+def labels_of(data):
+    """Names and looks of all lines of the page's plots."""
+    panels = [panel for figure in data["figures"] for case in figure["cases"] for panel in case["panels"]]
+    return [data["pool"][data["pool"][rest]["label"]] for panel in panels for _, _, rest in panel["lines"]]
 
 
 def images_of(kind, page):

@@ -25,57 +25,58 @@ function markerPath(index) {
   return MARKERS[index % MARKERS.length];
 }
 
-// `data` is one place under one metric or cost; `shown` says which of its lines are; `x` names the quantity across,
-// which is "over" for what is swept.
-function drawPlot({ data, shown, x, label, width, height, describe }) {
-  const lines = data.lines.filter((line) => shown(line));
-  const visible = (line, i) => line.y[i] !== null && line.x[x][i] !== null && (line.y[i] > 0 || !data.isLog || data.isCost);
-  const indices = (line) => line.y.map((_, i) => i).filter((i) => visible(line, i));
-  const across = [...new Set(lines.flatMap((line) => indices(line).map((i) => line.x[x][i])))];
-  if (x === "shade" && !data.isCost) across.push(...lines.flatMap((line) => (line.spread ?? []).flat()).filter((v) => v > 0));
-  const up = lines.flatMap((line) => indices(line).map((i) => line.y[i]));
-  const floor = data.isLog ? 2 * data.noise : 0;
-  const showsFloor = up.length > 0 && floor > Math.min(...up) / 30;
-  const area = { left: MARGIN.left, right: width - MARGIN.right, top: MARGIN.top, bottom: height - MARGIN.bottom };
-  const isLinear = x === "over" && data.isLinear;
-  const horizontal = (isLinear ? linearScale : logScale)(across.length ? across : [1], [area.left, area.right]);
-  if (x === "over" && !isLinear && fit(horizontal, across)) Object.assign(horizontal, { major: across, minor: [] });
-  const vertical = (data.isLog ? logScale : linearScale)(
-    up.length ? [...up, ...(showsFloor ? [floor] : [])] : [1], [area.bottom, area.top], 1.6);
-  const place = (line, i) => [horizontal.at(line.x[x][i]), vertical.at(line.y[i])];
+// `shown` says which lines of a panel are drawn; `describe` says what a point is, for those who do not see it.
+function drawPlot({ panel, shown, width, height, describe }) {
+  const lines = panel.lines.filter((line) => shown(line));
+  const isNamed = panel.y.names.length > 0;
+  const isSeen = (axis, value) => value !== null && (value > 0 || !axis.isLog || (axis.hasZero && value === 0));
+  const indices = (line) => line.y.map((_, i) => i).filter((i) => isSeen(panel.x, line.x[i]) && isSeen(panel.y, line.y[i]));
+  const valuesOf = (side) => {
+    const values = lines.flatMap((line) => indices(line).map((i) => line[side][i]));
+    const floor = panel[side].isLog ? 2 * panel[side].noise : 0;
+    return { values, floor, showsFloor: values.length > 0 && floor > Math.min(...values) / 30 };
+  };
+  const [across, up] = [valuesOf("x"), valuesOf("y")];
+  const ends = lines.flatMap((line) => (line.spread ?? []).flat()).filter((value) => isSeen(panel.x, value));
+  const withFloor = ({ values, floor, showsFloor }, more = []) =>
+    values.length ? [...values, ...more, ...(showsFloor ? [floor] : [])] : [1];
+  const left = isNamed ? Math.min(width / 2, 12 + 6.2 * Math.max(...panel.y.names.map(({ length }) => length))) : MARGIN.left;
+  const area = { left, right: width - MARGIN.right, top: MARGIN.top, bottom: height - MARGIN.bottom };
+  const scaleOf = (axis) => (axis.names.length ? nameScale : axis.isLog ? logScale : linearScale);
+  const horizontal = scaleOf(panel.x)(withFloor(across, ends), [area.left, area.right]);
+  const distinct = [...new Set(across.values)];
+  if (panel.x.atValues && panel.x.isLog && fit(horizontal, distinct)) Object.assign(horizontal, { major: distinct, minor: [] });
+  const vertical = scaleOf(panel.y)(isNamed ? panel.y.names : withFloor(up), [area.bottom, area.top], 1.6);
+  const place = (line, i) => [horizontal.at(line.x[i]), vertical.at(line.y[i])];
 
   const svg = svgElement("svg", {
     viewBox: `0 0 ${width} ${height}`, width, height, role: "group",
-    "aria-label": `${data.label} over ${label}; ${up.length} points`,
+    "aria-label": `${panel.y.label} over ${panel.x.label}; ${up.values.length} points`,
   });
-  if (showsFloor) {
-    const top = vertical.at(floor);
-    svg.append(svgElement("rect", {
-      class: "floor", x: area.left, y: top, width: area.right - area.left, height: area.bottom - top }));
-  }
-  svg.append(axes(horizontal, vertical, area, label, data.label));
-  if (!up.length) svg.append(text(width / 2, height / 2, "no line is shown", "middle"));
+  if (up.showsFloor) svg.append(floorOf(area.left, vertical.at(up.floor), area.right, area.bottom));
+  if (across.showsFloor) svg.append(floorOf(area.left, area.top, horizontal.at(across.floor), area.bottom));
+  svg.append(axes(horizontal, vertical, area, panel.x.label, panel.y.label));
+  if (!up.values.length) svg.append(text(width / 2, height / 2, "no line is shown", "middle"));
   for (const line of lines) {
-    const band = line.low ? indices(line).filter((i) => line.low[i] > 0 || !data.isLog) : [];
-    if (band.length > 1) svg.append(bandOf(line, band, horizontal, vertical, x, area, line.colour));
+    const band = line.band ? indices(line).filter((i) => isSeen(panel.y, line.band[0][i])) : [];
+    if (band.length > 1) svg.append(bandOf(line, band, horizontal, vertical, area));
   }
-  svg.append(...frontOf(data, lines, x, place, visible));
+  svg.append(...frontOf(panel, lines, place, indices));
   for (const line of lines) {
     const points = indices(line);
-    const colour = line.colour;
-    if (points.length > 1) {
+    if (points.length > 1 && !isNamed) {
       const d = points.map((i) => place(line, i).map((v) => v.toFixed(1)).join(" ")).join("L");
-      svg.append(svgElement("path", { class: "line", d: "M" + d, stroke: colour, "stroke-dasharray": dashOf(line) }));
+      svg.append(svgElement("path", { class: "line", d: "M" + d, stroke: line.colour, "stroke-dasharray": dashOf(line) }));
     }
-    if (x === "shade" && line.spread && !data.isCost) svg.append(...points.map((i) => spreadOf(line, i, horizontal, vertical)));
+    if (line.spread) svg.append(...points.map((i) => spreadOf(line, i, horizontal, vertical)));
     for (const i of points) {
       const [px, py] = place(line, i);
       const point = svgElement("g", {
         class: "point", transform: `translate(${px.toFixed(1)} ${py.toFixed(1)})`, tabindex: -1,
-        role: "button", "aria-label": describe(line, i, x), "data-line": line.index, "data-i": i,
+        role: "button", "aria-label": describe(line, i), "data-line": line.index, "data-i": i,
       }, svgElement("path", {
-        d: markerPath(line.index), transform: `scale(${SIZE})`, stroke: colour,
-        fill: line.floor[i] ? "var(--paper)" : colour,
+        d: markerPath(line.index), transform: `scale(${SIZE})`, stroke: line.colour,
+        fill: line.hollow[i] ? "var(--paper)" : line.colour,
       }));
       if (line.keys[i]) point.dataset.key = line.keys[i];
       svg.append(point);
@@ -83,6 +84,11 @@ function drawPlot({ data, shown, x, label, width, height, describe }) {
   }
   svg.querySelector(".point")?.setAttribute("tabindex", 0);
   return svg;
+}
+
+// What the reference cannot resolve.
+function floorOf(left, top, right, bottom) {
+  return svgElement("rect", { class: "floor", x: left, y: top, width: right - left, height: bottom - top });
 }
 
 function dashOf(line) {
@@ -102,7 +108,8 @@ function axes(horizontal, vertical, area, below, above) {
   }
   for (const value of vertical.major) {
     rule(area.left, vertical.at(value), area.left - 5, vertical.at(value));
-    group.append(text(area.left - 8, vertical.at(value) + 3.5, tick(value), "end"));
+    const said = vertical.names ? vertical.names[value] : tick(value);
+    group.append(text(area.left - 8, vertical.at(value) + 3.5, said, "end"));
   }
   group.append(text(area.right, area.bottom + 32, below, "end"), text(4, 12, above, "start"));
   return group;
@@ -118,13 +125,14 @@ function text(x, y, content, anchor) {
   return svgElement("text", { x, y, "text-anchor": anchor }, content);
 }
 
-function bandOf(line, indices, horizontal, vertical, x, area, colour) {
+function bandOf(line, indices, horizontal, vertical, area) {
   const clip = (y) => Math.min(area.bottom, Math.max(area.top, y)).toFixed(1);
-  const at = (i, y) => `${horizontal.at(line.x[x][i]).toFixed(1)} ${clip(vertical.at(y))}`;
-  const upper = indices.map((i) => at(i, line.high[i]));
-  const lower = indices.map((i) => at(i, line.low[i])).reverse();
+  const at = (i, y) => `${horizontal.at(line.x[i]).toFixed(1)} ${clip(vertical.at(y))}`;
+  const [low, high] = line.band;
+  const upper = indices.map((i) => at(i, high[i]));
+  const lower = indices.map((i) => at(i, low[i])).reverse();
   const d = `M${[...upper, ...lower].join("L")}Z`;
-  return svgElement("path", { class: "band", d, fill: colour, "data-line": line.index });
+  return svgElement("path", { class: "band", d, fill: line.colour, "data-line": line.index });
 }
 
 // From the fastest to the slowest run of a point.
@@ -135,10 +143,10 @@ function spreadOf(line, i, { at }, vertical) {
 }
 
 // The Pareto front of all lines: stairs through its points that are shown, and a ring about each.
-function frontOf(data, lines, x, place, visible) {
-  const points = (data.fronts[x] ?? [])
-    .map(([line, i]) => [data.lines[line], i])
-    .filter(([line, i]) => lines.includes(line) && visible(line, i))
+function frontOf(panel, lines, place, indices) {
+  const points = panel.fronts
+    .map(([line, i]) => [panel.lines[line], i])
+    .filter(([line, i]) => lines.includes(line) && indices(line).includes(i))
     .map(([line, i]) => place(line, i).map((v) => v.toFixed(1)))
     .sort((a, b) => a[0] - b[0] || b[1] - a[1]);
   if (!points.length) return [];

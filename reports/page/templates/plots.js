@@ -1,116 +1,161 @@
-// The plots of the page: what is chosen, its lines as a key, and one drawing a quantity.
+// The plots of the page: what is chosen, its lines as a key, and one drawing for each panel of each figure.
 
 function openCell(key) {
   document.dispatchEvent(new CustomEvent("open-cell", { detail: { key } }));
 }
 
-function plots() {
-  const { sweeps, metrics, costs, negligible } = JSON.parse(document.getElementById("plot-data").textContent);
-  const container = document.getElementById("plots-drawn");
-  if (!container || !metrics.length) return;
-  const [controls, over, place, metric, key, nothing] = ["controls", "over", "place", "metric", "key", "nothing"].map(
-    (name) => document.getElementById(`plot-${name}`));
-  const options = document.getElementById("plot-options");
-  const hidden = new Set(); // indices of lines, which are the same in every place of a sweep
-  const without = new Set(); // values of options whose lines are out of plots and key
-
-  const figures = ["over", ...Object.keys(costs)].map((name) => {
-    const figure = document.createElement("figure");
-    figure.dataset.x = name;
-    container.append(figure);
-    return { name, figure };
+// A panel with its axes and lines, which the data hold once for all panels.
+function unpacked(panel, pool) {
+  const all = (places) => places && places.map((place) => pool[place]);
+  const lines = panel.lines.map(([x, y, rest]) => {
+    const { label, keys, hollow, band, interval, spread, slope, beside } = pool[rest];
+    return {
+      ...pool[label], x: pool[x], y: pool[y], keys: pool[keys], hollow: pool[hollow], slope,
+      band: all(band), interval: all(interval), spread: all(spread),
+      beside: beside.map(({ title, values, spread: ends }) => ({ title, values: pool[values], spread: all(ends) })),
+    };
   });
+  return { ...panel, x: pool[panel.x], y: pool[panel.y], fronts: pool[panel.fronts], lines };
+}
 
-  const swept = () => sweeps[Number(over.value)];
-  const titleOf = (x) => (x === "over" ? swept().title : costs[x]);
+function plots() {
+  const { figures, options: titles, pool } = JSON.parse(document.getElementById("plot-data").textContent);
+  const container = document.getElementById("plots-drawn");
+  if (!container || !figures.some(({ cases }) => cases.length)) return;
+  const [form, key, nothing, boxes] = ["controls", "key", "nothing", "options"].map(
+    (name) => document.getElementById(`plot-${name}`));
+  const hidden = new Set(); // indices of lines, which are the same in every case over one quantity
+  const without = new Set(); // values of options whose lines are out of plots and key
+  const names = Object.keys(titles);
+  const selects = Object.fromEntries(names.map((name) => [name, selectOf(name, titles[name])]));
+  let drawn = []; // of each panel that is shown: it, and its place in the page
 
-  // The place under the metric; or under a cost, which is another number of the same cells.
-  const chosen = () => {
-    const { of } = swept().places[Number(place.value)];
-    const y = metric.value;
-    const found = of[y in costs ? metrics[0] : y];
-    const data = { ...found, lines: found.lines.map((line) => ({ ...swept().labels[line.index], ...line })) };
-    const isLinear = swept().name !== "samples" && data.lines.some((line) => line.x.over.some((value) => value <= 0));
-    const slope = (line) => line.slopes[y in costs ? y : ""];
-    if (!(y in costs)) return { ...data, isLinear, slope };
-    const lines = data.lines.map((line) => ({ ...line, y: line.x[y], floor: [], low: null, high: null }));
-    return { label: costs[y], noise: 0, isLog: true, isCost: true, fronts: {}, lines, isLinear, slope };
+  function selectOf(name, title) {
+    const select = Object.assign(document.createElement("select"), { id: `plot-${name}` });
+    const label = document.createElement("label");
+    label.append(`${title} `, select);
+    form.insertBefore(label, boxes);
+    return select;
+  }
+
+  const agrees = ({ given }, among) => among.every((name) => !(name in given) || pool[given[name]].name === selects[name].value);
+
+  // What an option may be, where those before it are as chosen; what is chosen stays, if it is still there.
+  const offer = (name) => {
+    const before = names.slice(0, names.indexOf(name));
+    const places = new Set(figures.flatMap(({ cases }) => cases)
+      .filter((each) => name in each.given && agrees(each, before)).map(({ given }) => given[name]));
+    const chosen = selects[name].value;
+    const choices = [...places].map((place) => pool[place]);
+    const option = ({ name: value, title }) => new Option(title, value);
+    const parts = [...new Set(choices.map(({ part }) => part))];
+    selects[name].replaceChildren(...parts.flatMap((label) => {
+      const offered = choices.filter(({ part }) => part === label).map(option);
+      if (!label) return offered;
+      const group = Object.assign(document.createElement("optgroup"), { label });
+      group.append(...offered);
+      return [group];
+    }));
+    const values = [...selects[name].options].map(({ value }) => value);
+    selects[name].value = values.includes(chosen) ? chosen : values[0];
+  };
+
+  const chosenCases = () => figures.flatMap(({ cases }) => cases.filter((each) => agrees(each, names)).slice(0, 1));
+
+  // What there is for the choice; a last resort only where there is nothing else.
+  const chosenPanels = () => {
+    const panels = chosenCases().flatMap((each) => each.panels).map((panel) => unpacked(panel, pool));
+    const others = panels.filter(({ isLastResort }) => !isLastResort);
+    return others.length ? others : panels.slice(0, 1);
+  };
+
+  // All lines of the panels, once, each with the slope that the first panel has of it.
+  const linesOf = (panels) => {
+    const found = new Map();
+    for (const line of panels.flatMap(({ lines }) => lines)) {
+      const known = found.get(line.index);
+      if (!known) found.set(line.index, line);
+      else if (known.slope === null && line.slope !== null) found.set(line.index, { ...known, slope: line.slope });
+    }
+    return [...found.values()].sort((a, b) => a.index - b.index);
   };
 
   const isIn = (line) => Object.entries(line.options).every((option) => !without.has(option.join(" ")));
 
-  const isHidden = (x, data) => {
-    if (x === "over") return !swept().isSwept && !data.isCost;
-    return data.isCost || !swept().hasCosts || data.lines.every((line) => line.x[x].every((value) => value < negligible[x]));
-  };
-
-  const describe = (line, i, x) => {
-    const size = line.floor[i] ? "at the noise floor" : `${metric.value} ${number(line.y[i])}`;
-    const cost = x === "over" ? "" : `, ${costs[x]} ${number(line.x[x][i])}`;
-    return `${line.name}, ${swept().name} ${tick(line.x.over[i])}, ${size}${cost}`;
+  const describe = (line, i, { x, y }) => {
+    const across = x.atValues ? tick(line.x[i]) : number(line.x[i]);
+    const size = y.names.length ? "" : line.hollow[i] ? ", at the noise floor" : `, ${y.name} ${number(line.y[i])}`;
+    return `${line.name}, ${x.name} ${across}${size}`;
   };
 
   const tipOf = (point) => {
-    const data = chosen();
-    const line = data.lines.find((each) => String(each.index) === point.dataset.line);
+    const panel = drawn[point.closest("figure").dataset.panel].panel;
+    const line = panel.lines.find((each) => String(each.index) === point.dataset.line);
     const i = Number(point.dataset.i);
-    const x = point.closest("figure").dataset.x;
-    const size = line.floor[i]
-      ? `at the noise floor: ${metric.value} at most about ${number(2 * data.noise, 2)}`
-      : `${data.label}: ${number(line.y[i])}`;
-    const rows = [[line.name, "name"], [`${swept().title}: ${tick(line.x.over[i])}`], [size]];
-    if (line.low) rows.push([`95 % interval ${number(line.low[i])} to ${number(line.high[i])}`]);
-    if (data.noise > 0) rows.push([`noise of the reference: ${number(data.noise, 2)}`]);
-    const shown = new Set(["shade", x].filter((cost) => cost !== "over" && cost !== metric.value));
-    for (const cost of shown) rows.push([`${costs[cost]}: ${number(line.x[cost][i])}`]);
-    if (line.spread && shown.has("shade")) rows.push([`runs from ${line.spread.map((end) => number(end[i])).join(" to ")} ms`]);
+    const ends = (pair) => pair.map((end) => number(end[i])).join(" to ");
+    const row = (axis, value) => line.hollow[i] && axis.noise > 0
+      ? `at the noise floor: ${axis.name} at most about ${number(2 * axis.noise, 2)}`
+      : `${axis.label}: ${axis.atValues ? tick(value) : number(value)}`;
+    const [metric, value] = panel.y.names.length ? [panel.x, line.x[i]] : [panel.y, line.y[i]];
+    const rows = [[line.name, "name"]];
+    if (panel.x.atValues) rows.push([row(panel.x, line.x[i])]);
+    rows.push([row(metric, value)]);
+    if (line.band) rows.push([`95 % interval ${ends(line.band)}`]);
+    if (line.interval) rows.push([`95 % interval by the noise ${ends(line.interval)}`]);
+    if (metric.noise > 0) rows.push([`noise of the reference: ${number(metric.noise, 2)}`]);
+    if (panel.x !== metric && !panel.x.atValues) rows.push([row(panel.x, line.x[i])]);
+    if (line.spread) rows.push([`runs from ${ends(line.spread)}`]);
+    for (const { title, values, spread } of line.beside) {
+      if (title === panel.y.label) continue;
+      rows.push([`${title}: ${number(values[i])}${spread ? `, runs from ${ends(spread)}` : ""}`]);
+    }
     if (point.dataset.key) rows.push(["click for its image", "hint"]);
     return rows;
   };
 
   const draw = () => {
-    const data = chosen();
-    const isAlone = figures.slice(1).every(({ name }) => isHidden(name, data));
-    for (const { name, figure } of figures) {
-      figure.hidden = isHidden(name, data);
-      if (figure.hidden) continue;
-      const isLarge = name === "over" || name === "shade";
-      figure.className = name === "over" && isAlone ? "whole" : isLarge ? "large" : "small";
+    for (const { panel, figure } of drawn) {
       const width = Math.max(220, Math.floor(figure.clientWidth));
-      const height = Math.round(isLarge ? Math.min(isAlone ? 460 : 380, width * 0.72) : Math.min(260, width * 0.8));
-      const svg = drawPlot({
-        data, x: name, label: titleOf(name), width, height, describe,
-        shown: (line) => !hidden.has(line.index) && isIn(line) });
-      figure.replaceChildren(svg);
+      const height = Math.round(panel.isMain ? Math.min(drawn.length === 1 ? 460 : 380, width * 0.72) : Math.min(260, width * 0.8));
+      figure.replaceChildren(drawPlot({
+        panel, width, height, describe: (line, i) => describe(line, i, panel),
+        shown: (line) => !hidden.has(line.index) && isIn(line) }));
     }
-    const free = isAlone ? [] : figures.filter(({ figure }) => figure.hidden && figure.dataset.x !== "over")
-      .map(({ name }) => costs[name].replace(/ \[.*/, ""));
-    nothing.textContent = free.length ? `No cost, or less than 0.01 ms, for any line: ${free.join(", ")}.` : "";
   };
 
-  // The key is made anew only by a choice: a click on it must survive a drawing to another width.
+  // The key is made again only by a choice: a click on it must survive a drawing to another width.
   const choose = () => {
+    const panels = chosenPanels();
+    for (const { figure } of drawn) figure.remove();
+    drawn = panels.map((panel, i) => {
+      const figure = document.createElement("figure");
+      figure.dataset.x = panel.name;
+      figure.dataset.panel = i;
+      figure.className = panels.length === 1 ? "whole" : panel.isMain ? "large" : "small";
+      container.append(figure);
+      return { panel, figure };
+    });
     draw();
-    const data = chosen();
-    key.replaceChildren(...data.lines.filter(isIn).map((line) => keyOf(line, data.slope(line))), ...floorKey(data));
+    key.replaceChildren(...linesOf(panels).filter(isIn).map(keyOf), ...floorKey(panels));
+    nothing.textContent = chosenCases().map(({ note }) => note).filter(Boolean).join(" ");
     for (const table of document.querySelectorAll(".equal")) {
-      table.hidden = swept().name !== "samples" || table.dataset.place !== place.value
-        || table.dataset.metric !== metric.value;
+      table.hidden = Object.entries(table.dataset).some(([name, value]) => name in selects && selects[name].value !== value);
     }
   };
 
-  const chooseOver = () => {
+  // Another quantity has other lines.
+  const chooseLines = () => {
     hidden.clear();
     without.clear();
-    options.replaceChildren(...optionsOf(Object.values(swept().labels)));
-    place.replaceChildren(...swept().places.map(({ title }, i) => new Option(title, i)));
+    const others = figures.flatMap(({ cases }) => cases).filter((each) => agrees(each, ["over"]));
+    boxes.replaceChildren(...optionsOf(linesOf(others.flatMap((each) => each.panels).map((panel) => unpacked(panel, pool)))));
   };
 
   // Where lines differ in two options or more, a box for each value: without it, its lines are away.
-  const optionsOf = (labels) => {
+  const optionsOf = (lines) => {
     const values = {};
-    for (const label of labels) {
-      for (const [name, value] of Object.entries(label.options)) (values[name] ??= new Set()).add(value);
+    for (const line of lines) {
+      for (const [name, value] of Object.entries(line.options)) (values[name] ??= new Set()).add(value);
     }
     const several = Object.entries(values).filter(([, { size }]) => size > 1);
     return several.length < 2 ? [] : several.map(([name, each]) => {
@@ -128,7 +173,7 @@ function plots() {
     });
   };
 
-  const keyOf = (line, fitted) => {
+  const keyOf = (line) => {
     const item = document.createElement("li");
     const button = document.createElement("button");
     button.type = "button";
@@ -139,37 +184,42 @@ function plots() {
         svgElement("path", { d: "M-15 0H15", stroke: colour, "stroke-width": 1.5, "stroke-dasharray": dashOf(line) }),
         svgElement("path", { d: markerPath(line.index), transform: `scale(${SIZE})`, fill: colour })),
       line.name);
-    if (fitted !== null) {
+    if (line.slope !== null) {
       const slope = document.createElement("span");
       slope.className = "quiet";
-      slope.textContent = ` slope ${number(fitted)}`;
+      slope.textContent = ` slope ${number(line.slope)}`;
       button.append(slope);
     }
     button.addEventListener("click", () => {
       hidden.has(line.index) ? hidden.delete(line.index) : hidden.add(line.index);
       choose();
-      key.children[chosen().lines.filter(isIn).findIndex(({ index }) => index === line.index)]?.firstChild.focus();
+      key.children[linesOf(chosenPanels()).filter(isIn).findIndex(({ index }) => index === line.index)]?.firstChild.focus();
     });
     item.append(button);
     return item;
   };
 
-  const floorKey = (data) => {
-    if (!data.isLog || !(data.noise > 0)) return [];
+  const floorKey = (panels) => {
+    const panel = panels.find(({ y }) => y.isLog && y.noise > 0);
+    if (!panel) return [];
     const item = document.createElement("li");
     item.className = "quiet floor-key";
-    const atMost = swept().kind ? "at most " : "";
-    item.textContent = `twice the reference's noise: ${atMost}${number(2 * data.noise, 2)}`;
+    item.textContent = `twice the reference's noise: ${panel.bound && `${panel.bound} `}${number(2 * panel.y.noise, 2)}`;
     return [item];
   };
 
-  controls.hidden = false;
+  form.hidden = false;
   document.getElementById("plot-note").hidden = false;
   followPoints(container, tipOf, openCell);
-  over.addEventListener("change", chooseOver);
-  controls.addEventListener("change", choose);
-  controls.addEventListener("submit", (event) => event.preventDefault());
-  chooseOver();
+  form.addEventListener("change", (event) => {
+    const changed = names.find((name) => selects[name] === event.target);
+    if (changed) names.slice(names.indexOf(changed) + 1).forEach(offer);
+    if (changed === "over") chooseLines();
+    choose();
+  });
+  form.addEventListener("submit", (event) => event.preventDefault());
+  names.forEach(offer);
+  chooseLines();
   choose();
   let width = container.clientWidth;
   new ResizeObserver(() => {

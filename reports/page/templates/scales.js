@@ -61,3 +61,9 @@ function niceStep(rough) {
   const power = 10 ** Math.floor(Math.log10(rough));
   return power * [1, 2, 5, 10].find((digit) => digit * power >= rough);
 }
+
+// A row for each name, the first at the top.
+function nameScale(names, [bottom, top]) {
+  const step = (bottom - top) / names.length;
+  return { at: (row) => top + (row + 0.5) * step, names, major: names.map((_, row) => row), minor: [] };
+}

@@ -62,16 +62,3 @@ function coloured(image, reference, look, colours, x0 = 0, y0 = 0, width = image
   }
   return pixels;
 }
-
-// A number with three significant digits, as the tables set it.
-function figure(v, digits = 3) {
-  if (!Number.isFinite(v)) return Number.isNaN(v) ? '–' : '∞';
-  const size = Math.abs(v);
-  if (size !== 0 && (size < 1e-4 || size >= 1e6)) {
-    const [mantissa, exponent] = v.toExponential(digits - 1).split('e');
-    const raised = String(Number(exponent)).replace(/./g, (c) => '⁰¹²³⁴⁵⁶⁷⁸⁹'[c] ?? '⁻');
-    return `${mantissa}×10${raised}`.replace('-', '−');
-  }
-  const decimals = size === 0 ? 0 : Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
-  return v.toFixed(Math.min(decimals, 12)).replace('-', '−');
-}

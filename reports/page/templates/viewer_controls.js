@@ -47,7 +47,7 @@ class Controls {
     if (Number(fields.stops.value) !== state.stops) fields.stops.value = state.stops;
     const stops = group.stops + state.stops;
     fields.exposure.value = `${stops < 0 ? '−' : '+'}${Math.abs(stops).toFixed(1)} stops`;
-    fields.range.placeholder = figure(group.ranges[state.mode] ?? 1);
+    fields.range.placeholder = number(group.ranges[state.mode] ?? 1);
     if (document.activeElement !== fields.range) fields.range.value = state.range ?? ''; // not while one types
     for (const [selector, isShown] of [
       ['.viewer-other', state.layout === 'split'], ['.viewer-range', state.mode !== 'image'],
@@ -98,7 +98,7 @@ class Controls {
     canvas.getContext('2d').putImageData(pixels, 0, 0);
     const ticks = isSigned ? [-1, -0.5, 0, 0.5, 1] : [0, 0.25, 0.5, 0.75, 1];
     this.scale.querySelector('.viewer-ticks').replaceChildren(...ticks.map(
-      (t) => Object.assign(document.createElement('span'), { textContent: figure(t * limit, 2) })));
+      (t) => Object.assign(document.createElement('span'), { textContent: number(t * limit, 2) })));
     const { formula } = registry.errors.find((each) => each.mode === mode);
     this.scale.querySelector('.viewer-formula').textContent = formula;
   }
@@ -111,14 +111,14 @@ class Controls {
     if (!at?.pane.image?.half || !reference?.half) return;
     const x = Math.floor(at.x), y = Math.floor(at.y), i = 4 * (y * group.width + x);
     const inside = x >= 0 && y >= 0 && x < group.width && y < group.height && HALF[reference.half[i + 3]] >= 0.5;
-    const rgb = ({ half }) => [0, 1, 2].map((c) => figure(HALF[half[i + c]])).join(' ');
+    const rgb = ({ half }) => [0, 1, 2].map((c) => number(HALF[half[i + c]])).join(' ');
     const words = [`pixel ${x}, ${y}`];
     if (!inside) words.push('off the surface');
     else {
       words.push(`${viewer.images[at.pane.index].name} ${rgb(at.pane.image)}`);
       if (at.pane.index !== 0) words.push(`reference ${rgb(reference)}`);
       const { mode } = viewer.lookOf(at.pane.index);
-      if (mode !== 'image') words.push(`error ${figure(errorOf(viewer, at.pane.image, i))}`);
+      if (mode !== 'image') words.push(`error ${number(errorOf(viewer, at.pane.image, i))}`);
     }
     this.readout.textContent = words.join(' · ');
   }

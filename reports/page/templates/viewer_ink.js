@@ -51,8 +51,8 @@ function inkValues(context, viewer, pane) {
     const column = i % width, row = (i - column) / width, at = 4 * ((y + row) * image.width + x + column);
     if (!under[4 * i + 3]) continue;
     const lines = look.mode === 'image'
-      ? [0, 1, 2].map((c) => figure(HALF[image.half[at + c]]))
-      : [figure(errorOf(viewer, image, at))];
+      ? [0, 1, 2].map((c) => number(HALF[image.half[at + c]]))
+      : [number(errorOf(viewer, image, at))];
     const brightness = 0.3 * under[4 * i] + 0.6 * under[4 * i + 1] + 0.1 * under[4 * i + 2];
     context.fillStyle = brightness > 120 ? '#000' : '#fff';
     lines.forEach((text, line) => {
