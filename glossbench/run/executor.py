@@ -1,6 +1,5 @@
 """Running the cells of a study one after another: each read from disk, or made, measured and written."""
 
-import json
 import sys
 import threading
 import time
@@ -14,21 +13,22 @@ from typing import Any
 import numpy as np
 import torch
 
+from glossbench.columns import CellRecord
 from glossbench.digests import digest_of
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.errors import CannotWrite, MethodError
 from glossbench.process.state import Restored, is_foreign
 from glossbench.process.time_limit import time_limit
+from glossbench.provenance import glossbench_version, processor
 from glossbench.run.attempts import Attempt, remove_marks
 from glossbench.run.cell_items import Made
 from glossbench.run.cell_keys import CellKeys, Identity, PassedOver
 from glossbench.run.manifest import entry
 from glossbench.run.measuring import measure
 from glossbench.run.results import Results
-from glossbench.run.row_start import begin_row, failure
 from glossbench.run.study_lights import Changed, StudyLights
 from glossbench.shading.method import Image
-from glossbench.shading.outputs import check_view, notes_of, reason_of
+from glossbench.shading.outputs import check_view, notes_of, printable, reason_of
 from glossbench.shading.stage_cache import StageCache
 from glossbench.study.cells import Cell, Item
 from glossbench.study.study import Study
@@ -61,7 +61,7 @@ class Executor:
         self.study, self.results, self.progress = study, results, progress
         self.use_cache, self.fail_fast = use_cache, fail_fast
         self.lights = StudyLights(study.device, results.folder / "begun")
-        self.keys = CellKeys(study, results, self.lights, lambda cell, key: self._guarded(cell, self._row(cell, key)))
+        self.keys = CellKeys(study, results, self.lights, lambda cell, key: self._guarded(cell, self._begun(cell, key)))
         self._whole: dict[str, bool] = {}  # by key of a reference, whether it is on disk as it was written
         self._truth: tuple[str, Reference] | None = None
         self._stages_light: Item | None = None
@@ -74,8 +74,8 @@ class Executor:
             Changed: a file is not what it was when the run began.
             CannotWrite: the folder of results cannot be written.
         """
-        row = self._row(cell, known.key, known.reference_key)
-        stored = self._stored(cell, row)
+        record = self._begun(cell, known.key, known.reference_key)
+        stored = self._stored(cell, record)
         if stored is not None and not (rerun_failed and stored["status"] == "failed"):
             return stored
         attempt = Attempt(self.results.folder / "begun", known.spelled)
@@ -83,22 +83,23 @@ class Executor:
             if known.error is not None:
                 raise known.error
             attempt.begin()
-            with self._guarded(cell, row) if self.keys.sources.any_foreign(cell) else nullcontext():
+            with self._guarded(cell, record) if self.keys.sources.any_foreign(cell) else nullcontext():
                 made = replace(Made.of(cell), keys=known.keys)
                 made.check_unchanged(cell)
-            columns, image, half_vectors = self._execute(cell, row, made)
+            record, image, half_vectors = self._execute(cell, record, made)
         except BaseException as error:
-            return self._failed(row, error)
+            return self._failed(record, error)
         finally:
             attempt.end()
         self.results.remove_cell(known.spelled)
-        return self._written(row | columns, image, half_vectors)
+        return self._written(record, image, half_vectors)
 
-    def _written(self, row: dict[str, Any], image: Image | None = None, half_vectors: Any = None) -> dict[str, Any]:
+    def _written(self, record: CellRecord, image: Image | None = None, half_vectors: Any = None) -> dict[str, Any]:
+        row = record.row()
         self.results.add_cell(row, image, half_vectors)
         return row
 
-    def _failed(self, row: dict[str, Any], error: BaseException) -> dict[str, Any]:
+    def _failed(self, record: CellRecord, error: BaseException) -> dict[str, Any]:
         """The row of a cell that raised, written; some of what is raised ends the run."""
         self._forget()
         if isinstance(error, CannotWrite) and error.path.is_relative_to(self.results.folder):
@@ -106,30 +107,30 @@ class Executor:
         if isinstance(error, KeyboardInterrupt | Changed) or (self.fail_fast and isinstance(error, Exception)):
             raise error
         if self.fail_fast:
-            raise MethodError(f"{row['method']} raised {error!r}") from error
+            raise MethodError(f"{record.method} raised {error!r}") from error
         told = str(error) if isinstance(error, PassedOver) else "".join(traceback.format_exception(error))
-        return self._written(row | failure(told))
+        return self._written(_failure(record, told))
 
-    def _execute(self, cell: Cell, row: dict[str, Any], made: Made) -> tuple[dict[str, Any], Image | None, Any]:
-        """What is new in the row of a cell, its image and its pattern."""
+    def _execute(self, cell: Cell, record: CellRecord, made: Made) -> tuple[CellRecord, Image | None, Any]:
+        """The record of a cell with all that is measured, its image and its pattern."""
         material, view, method = made.material, made.view, made.method
-        with self._guarded(cell, row):
+        with self._guarded(cell, record):
             reason = reason_of(method.name, method.supports(material, view.scene()))
             if reason is not None:
-                return {"status": "skipped", "reason": reason}, None, None
+                return replace(record, status="skipped", reason=reason), None, None
             if is_foreign(type(view)):
                 check_view(view)
             light = self.lights.get(cell.light)
         if self._stages_light != cell.light:  # stages of another light are of no use any more
             self._stages, self._stages_light = StageCache(self.progress.doing), cell.light
-        truth = self._reference(cell, row, light, made)
+        truth = self._reference(cell, record, light, made)
         self.progress.doing(cell.method.name)
-        with self._guarded(cell, row):
+        with self._guarded(cell, record):
             # What cells share beside the light and the stages; a plug-in may write into it unseen.
             shared = (truth, view.scene(), material.reflectance()) if self.keys.sources.any_foreign(cell) else ()
             before = digest_of(*shared)
-            columns, image, half_vectors = measure(
-                method, cell.method.tune, self.study.metrics, self._stages, light, material, view, truth
+            record, image, half_vectors = measure(
+                record, method, cell.method.tune, self.study.metrics, self._stages, light, material, view, truth
             )
             notes = [note for each in (material, view, method) for note in notes_of(each.name, each.notes())]
             notes = [*self.lights.notes(cell.light), *notes]
@@ -140,21 +141,17 @@ class Executor:
                 raise MethodError(
                     f"{method.name} writes into the scene, the material or the reference, which others read"
                 )
-        columns |= {
-            "notes": json.dumps(notes),
-            "reference_noise": truth.noise,
-            "reference_peak_noise": float(truth.standard_error.max()),
-            "reference_target": self.study.reference.relative_error * truth.mean,
-            "reference_mean": truth.mean,
-            "reference_samples": truth.n_samples,
-            "at_noise_floor": bool(columns["rms"] < 2 * truth.noise),
-            "reference_seconds": self.results.reference_numbers(row["reference_key"])["seconds"],
-        }
-        return columns, image, half_vectors
+        record = replace(
+            record, notes=notes, reference_noise=truth.noise, reference_peak_noise=float(truth.standard_error.max()),
+            reference_target=self.study.reference.relative_error * truth.mean, reference_mean=truth.mean,
+            reference_samples=truth.n_samples, at_noise_floor=bool(record.metrics["rms"] < 2 * truth.noise),
+            reference_seconds=self.results.reference_numbers(record.reference_key)["seconds"],
+        )  # fmt: skip
+        return record, image, half_vectors
 
-    def _reference(self, cell: Cell, row: dict[str, Any], light: CubeMap, made: Made) -> Reference:
+    def _reference(self, cell: Cell, record: CellRecord, light: CubeMap, made: Made) -> Reference:
         """The truth as it is on disk: float32, so that a resumed run compares with the same numbers."""
-        key = row["reference_key"]
+        key = record.reference_key
         if self._truth is not None and self._truth[0] == key:
             return self._truth[1]
         if not self._has_reference(key):
@@ -165,7 +162,7 @@ class Executor:
                 def begin_round() -> None:
                     limits.close()  # the limit is for each round, and plug-ins alone: a reference may take long
                     if self.keys.sources.foreign_inputs(cell):
-                        limits.enter_context(self._guarded(cell, row))
+                        limits.enter_context(self._guarded(cell, record))
 
                 def tell(noise: float, n_samples: int) -> None:
                     target = f"{100 * options.relative_error:.2g} %"
@@ -194,19 +191,19 @@ class Executor:
         self._truth = (key, stored)
         return stored
 
-    def _stored(self, cell: Cell, row: dict[str, Any]) -> dict[str, Any] | None:
+    def _stored(self, cell: Cell, record: CellRecord) -> dict[str, Any] | None:
         """The row of a cell on disk, where all its files are as they were written; its reference is, or is made so."""
-        key = row["key"]
+        key = record.key
         if not (self.use_cache and self.results.has_cell(key)):
             return None
         if damage := self.results.damage_of_cell(key):
             self.progress.note(f"{damage}: this cell is computed again")
             return None
         stored = self.results.cell(key)
-        if stored["status"] == "done" and not self._has_reference(row["reference_key"]):
-            self._reference(cell, row, self.lights.get(cell.light), Made.of(cell))
+        if stored["status"] == "done" and not self._has_reference(record.reference_key):
+            self._reference(cell, record, self.lights.get(cell.light), Made.of(cell))
         # The key does not tell what an image file was called, nor a seed that nothing took.
-        return stored | entry(row)
+        return stored | entry(record.row())
 
     def _has_reference(self, key: str) -> bool:
         """Whether a reference is on disk as it was written; looked at once a run."""
@@ -219,23 +216,32 @@ class Executor:
         return self._whole[key]
 
     @contextmanager
-    def _guarded(self, cell: Cell, row: dict[str, Any]) -> Iterator[None]:
+    def _guarded(self, cell: Cell, record: CellRecord) -> Iterator[None]:
         """What runs under the time limit; where plug-ins take part, the process is afterwards as it was."""
-        limit = time_limit(self.study.time_limit, partial(self._give_up, row, threading.get_ident()))
+        limit = time_limit(self.study.time_limit, partial(self._give_up, record, threading.get_ident()))
         with Restored("a plug-in") if self.keys.sources.any_foreign(cell) else nullcontext(), limit:
             yield
 
-    def _give_up(self, row: dict[str, Any], thread: int) -> None:
+    def _give_up(self, record: CellRecord, thread: int) -> None:
         """Write the row of a cell that cannot be interrupted, with where it is, before the process ends."""
         reason = f"took more than the time limit of {self.study.time_limit:g} s, and could not be interrupted"
         stack = "".join(traceback.format_stack(sys._current_frames()[thread]))
-        self.results.add_cell(row | failure(f"{stack}TimeoutError: {reason}\n"), None, None)
+        self._written(_failure(record, f"{stack}TimeoutError: {reason}\n"))
         remove_marks(self.results.folder / "begun")
-        print(f"error: {row['method']} {reason}; the same command goes on with the next cell", file=sys.__stderr__)
+        print(f"error: {record.method} {reason}; the same command goes on with the next cell", file=sys.__stderr__)
 
-    def _row(self, cell: Cell, key: str, reference_key: str = "") -> dict[str, Any]:
-        study, light_key = self.study, self.lights.key(cell.light)
-        return begin_row(cell, key, reference_key, light_key, study.metrics, study.device, study.seed, self.keys.code)
+    def _begun(self, cell: Cell, key: str, reference_key: str = "") -> CellRecord:
+        """The record of a cell before anything is measured."""
+        tune = cell.method.tune
+        return CellRecord(
+            key=key, reference_key=reference_key, light_key=self.lights.key(cell.light), code=self.keys.code[:20],
+            light=cell.light.name, material=cell.material.name, view=cell.view.name, method=cell.method.name,
+            light_options=cell.light.options, material_options=cell.material.options, view_options=cell.view.options,
+            options=cell.method.options, tune={tune.option: cell.method.spelled()[tune.option]} if tune else {},
+            metrics=dict.fromkeys([*self.study.metrics, "rms"], float("nan")),
+            version=glossbench_version(), torch=torch.__version__, device=self.study.device, processor=processor(),
+            seed=self.study.seed,
+        )  # fmt: skip
 
     def _forget(self) -> None:
         """Let go of all that cells share: a plug-in may have spoilt it."""
@@ -248,3 +254,8 @@ class Executor:
             for member in vars(module).values():
                 if callable(getattr(member, "cache_clear", None)):
                     member.cache_clear()
+
+
+def _failure(record: CellRecord, reason: str) -> CellRecord:
+    """The record of a cell that failed; half a character, which a name of a file may hold, is escaped."""
+    return replace(record, status="failed", reason=printable(reason))

@@ -12,6 +12,7 @@ from glossbench.strict_json import sealed, unsealed
 
 NAME = "glossbench.json"
 SUMMARY = ("study.yaml", "provenance.json", "claims.json", "cells.parquet")
+KEPT = ("columns.json",)  # what else a run says of its results; older results lack it
 REPORTS = ("report.html", "report.pdf")
 ENTRY = ("key", "light_options", "seed")  # of a cell: a key does not know what a file was called, nor an unused seed
 LISTED, STATED = ("light", "material", "view", "methods"), ("reference", "seed", "device")
@@ -35,7 +36,7 @@ class Manifest:
     @staticmethod
     def read(folder: Path) -> "Manifest":
         """The manifest of a folder; of older results, or where it is damaged, what the names of files say."""
-        there = [name for name in (*SUMMARY, *REPORTS) if os.path.lexists(folder / name)]
+        there = [name for name in (*SUMMARY, *KEPT, *REPORTS) if os.path.lexists(folder / name)]
         is_finished = set(SUMMARY) <= set(there)
         try:
             data = unsealed((folder / NAME).read_bytes())

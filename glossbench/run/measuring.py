@@ -1,14 +1,14 @@
 """Measuring one cell: its tuned option, its image, the metrics and the costs."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glossbench.brdf.material import Material
+from glossbench.columns import CellRecord
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.metrics import METRICS
 from glossbench.process.state import guarded
@@ -22,20 +22,21 @@ from glossbench.truth.reference import Reference
 
 
 class Measured(NamedTuple):
-    """Columns of a cell's row, its image, and the pattern (N, 2) of a method that has one."""
+    """The record of a cell, its image, and the pattern (N, 2) of a method that has one."""
 
-    columns: dict[str, Any]
+    record: CellRecord
     image: Image
     half_vectors: NDArray[np.float32] | None
 
 
 def measure(
-    method: Method, tune: Tune | None, metrics: Sequence[str], cache: StageCache,
+    record: CellRecord, method: Method, tune: Tune | None, metrics: Sequence[str], cache: StageCache,
     light: CubeMap, material: Material, view: View, truth: Reference,
 ) -> Measured:  # fmt: skip
     """What a method shows of a material under a light, against the truth.
 
     Args:
+        record: of the cell, with nothing measured yet.
         tune: the option to be set first where a metric is least.
         metrics: by name; rms is always there.
         cache: stages that other cells left and may use.
@@ -68,19 +69,13 @@ def measure(
     with guarded(type(method)):
         half_vectors = pattern_of(method.name, method.half_vectors(material))
     cache.check(method.name)
-    columns = {
-        "tuned": json.dumps(tuned),
-        "options": json.dumps(method.as_dict(), sort_keys=True),
-        **{name: metric_of(name, image) for name in dict.fromkeys([*metrics, "rms"])},
-        "n_samples": image.costs.n_samples,
-        "budget": budget_of(type(method)),
-        "stage_seconds": json.dumps(image.costs.stage_seconds),
-        "update_seconds": json.dumps(image.costs.update_seconds),
-        "shade_seconds": image.costs.shade.median,
-        "shade_seconds_low": image.costs.shade.low,
-        "shade_seconds_high": image.costs.shade.high,
-        "shade_runs": image.costs.shade.runs,
-        "busy": image.costs.shade.busy,
-        "state_bytes": image.costs.state_bytes,
-    }
-    return Measured(columns, image, half_vectors)
+    costs = image.costs
+    record = replace(
+        record, tuned=tuned, options=method.as_dict(),
+        metrics={name: metric_of(name, image) for name in dict.fromkeys([*metrics, "rms"])},
+        n_samples=costs.n_samples, budget=budget_of(type(method)), state_bytes=costs.state_bytes,
+        stage_seconds=dict(costs.stage_seconds), update_seconds=dict(costs.update_seconds),
+        shade_seconds=costs.shade.median, shade_seconds_low=costs.shade.low, shade_seconds_high=costs.shade.high,
+        shade_runs=costs.shade.runs, busy=costs.shade.busy,
+    )  # fmt: skip
+    return Measured(record, image, half_vectors)

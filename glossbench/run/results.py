@@ -2,6 +2,7 @@
 
 study.yaml          the resolved study
 cells.parquet       one row a cell, in the order of the study
+columns.json        of each column of that table the unit, title and role, as the run knew them
 claims.json         the verdicts
 provenance.json     versions, hardware, times
 glossbench.json     which files here are this program's, and the keys of the study's cells: there from the start
@@ -28,9 +29,10 @@ from torch import Tensor
 from glossbench.atomic import replacing
 from glossbench.envmap.formats.files import read_pixels, write_exr
 from glossbench.errors import InputError
+from glossbench.findings.columns import Column, columns_from_json, columns_of, columns_to_json
 from glossbench.findings.verdicts import judge
 from glossbench.run.folder import Folder
-from glossbench.run.manifest import COMPARED, SUMMARY, Manifest, entry, listed
+from glossbench.run.manifest import COMPARED, KEPT, SUMMARY, Manifest, entry, listed
 from glossbench.shading.method import Image
 from glossbench.strict_json import dumps, loads, numbers
 from glossbench.study.claims import stated_claims
@@ -75,7 +77,7 @@ class Results:
         Raises:
             InputError: the folder cannot be written, or holds files of somebody else that would be lost.
         """
-        self.disk.manifest.check_foreign(self.folder, SUMMARY)
+        self.disk.manifest.check_foreign(self.folder, (*SUMMARY, *KEPT))
         self.disk.create()
 
     # A run, from its beginning to its end.
@@ -100,9 +102,11 @@ class Results:
         if is_part:
             return f"{self.folder} keeps what else it has of this study: {listed(missing)}"
         if cells != old.cells or study != before:
-            Manifest(cells, {**old.files, **dict.fromkeys(SUMMARY)}).write(self.folder)
+            Manifest(cells, {**old.files, **dict.fromkeys((*SUMMARY, *KEPT))}).write(self.folder)
             self.disk.write("study.yaml", dump(dict(study)))
             self.disk.write("provenance.json", dumps({**provenance, "finished": "not yet"}, indent=1))
+        self.disk.own(*KEPT)
+        self.disk.write("columns.json", dumps(columns_to_json(columns_of(study["metrics"]))))
         return ""
 
     def finish(
@@ -130,7 +134,7 @@ class Results:
         self.disk.write("claims.json", dumps(verdicts, indent=1))
         self.disk.write("provenance.json", dumps(provenance, indent=1))
         self.disk.write_table("cells.parquet", with_names(rows))
-        files = {name: self.disk.checksum(name) for name in SUMMARY}
+        files = {name: self.disk.checksum(name) for name in (*SUMMARY, *KEPT)}
         Manifest(tuple(map(entry, rows)), {**old.files, **files}, True).write(self.folder)
 
     # Cells.
@@ -223,6 +227,14 @@ class Results:
         return cells
 
     @property
+    def columns(self) -> dict[str, Column]:
+        """The columns of the cells by name, as the run knew them; of older results, as this version knows them."""
+        if not self.disk.is_altered("columns.json"):
+            with suppress(OSError, ValueError, InputError):
+                return columns_from_json(loads(self.disk.path("columns.json").read_bytes()))
+        return columns_of(self.study["metrics"])
+
+    @property
     def claims(self) -> list[dict[str, Any]]:
         """The verdicts; of a run that is not finished those on the cells that are there, and each says so."""
         if self.disk.manifest.is_finished and not self.disk.is_altered("claims.json"):
@@ -249,7 +261,7 @@ class Results:
         found = [f"{len(cells)} of {len(of)} cells are done: the claims are judged on these"]
         damaged = [reason.removesuffix(AGAIN) for reason in map(str, cells["reason"]) if reason.endswith(AGAIN)]
         more = f", and {len(damaged) - 1} more cells have damaged files" if len(damaged) > 1 else ""
-        altered = [self.disk.fault(name) for name in SUMMARY if self.disk.is_altered(name)]
+        altered = [self.disk.fault(name) for name in (*SUMMARY, *KEPT) if self.disk.is_altered(name)]
         lines = [f"{first}{more}{AGAIN}" for first in damaged[:1]] + [f"{line}{AGAIN}" for line in altered]
         return (found if len(cells) < len(of) else []) + lines
 

@@ -6,25 +6,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
+from glossbench.columns import parsed
 
 KINDS = ("light", "material", "view")
-JSON = (
-    *(f"{kind}_options" for kind in KINDS),
-    *("options", "tuned", "tune", "stage_seconds", "update_seconds", "notes"),
-)
-USUAL_BUDGET = "samples"  # of results whose rows do not say which option is the method's budget
 Texts = dict[str, str]
-
-
-def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row with None for what is missing and values for what is JSON."""
-    parsed: dict[str, Any] = {key: None if isinstance(v, float) and np.isnan(v) else v for key, v in row.items()}
-    for key in JSON:
-        parsed[key] = json.loads(parsed.get(key) or "{}")
-    if parsed.get("budget") is None:
-        parsed["budget"] = USUAL_BUDGET if USUAL_BUDGET in parsed["options"] else ""
-    return parsed
 
 
 def stated(row: Mapping[str, Any]) -> dict[str, Any]:
