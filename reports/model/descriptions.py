@@ -1,10 +1,12 @@
 """Methods in words: what the docstring of each that a study used says, with its equation and its source."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from glossbench.documentation import documentation
+from glossbench.findings.columns import Column
+from glossbench.metrics import METRICS
 from glossbench.shading.method import METHODS
 
 from .notation import Run, runs
@@ -24,6 +26,22 @@ class Description(NamedTuple):
     equation: str
     text: list[list[Run]]
     source: str
+
+
+class Definition(NamedTuple):
+    """What a metric is: its unit, and the formula of its number in plain text."""
+
+    name: str
+    unit: str
+    formula: str
+
+
+def defined(names: Sequence[str], columns: Mapping[str, Column]) -> list[Definition]:
+    """The metrics of these names; of one whose plug-in is not installed here, the unit that the run wrote down."""
+    return [
+        Definition(name, columns[name].unit, METRICS.get(name).formula if name in METRICS.names() else "")
+        for name in names
+    ]
 
 
 def described(names: Sequence[str]) -> list[Description]:

@@ -30,7 +30,7 @@ class Value(NamedTuple):
         return self.low < self.high
 
 
-class Table(NamedTuple):
+class EqualTable(NamedTuple):
     """Rows are the lines that have points, columns are times or errors.
 
     Attributes:
@@ -63,8 +63,8 @@ class Equal(NamedTuple):
     place: Place
     metric: str
     axis: Axis
-    by_time: Table | None
-    by_error: Table | None
+    by_time: EqualTable | None
+    by_error: EqualTable | None
 
 
 class Curve(NamedTuple):
@@ -117,19 +117,19 @@ def equal_tables(number: int, place: Place, metric: str, lines: Sequence[Measure
     return Equal(number, place, metric, axis, by_time, by_error) if by_time or by_error else None
 
 
-def error_at_time(lines: Sequence[Measured], axis: Axis) -> Table | None:
+def error_at_time(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
     """The error of each line at round shading times [ms]; None where no two lines share one."""
     curves = [_curve(line, axis) for line in lines]
     ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time)]
     return _table(ends, lines, curves, Curve.error_at, Curve.least_error)
 
 
-def time_at_error(lines: Sequence[Measured], axis: Axis) -> Table | None:
+def time_at_error(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
     """The least shading time [ms] at which each line comes down to round errors; None where no two lines share one."""
     curves = [_curve(line, axis) for line in lines]
     ends = [(c.error.min(), c.error[0]) for c in curves if len(c.error)]
     table = _table(ends, lines, curves, Curve.time_at, Curve.least_time)
-    return table and Table(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
+    return table and EqualTable(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
 
 
 def _curve(line: Measured, axis: Axis) -> Curve:
@@ -144,7 +144,7 @@ def _curve(line: Measured, axis: Axis) -> Curve:
 def _table(
     ends: Sequence[tuple[float, float]], lines: Sequence[Measured], curves: Sequence[Curve],
     value_at: Callable[[Curve, float], Value | None], least_at: Callable[[Curve, float], float],
-) -> Table | None:  # fmt: skip
+) -> EqualTable | None:  # fmt: skip
     """Columns that two lines or more have a value in, thinned evenly.
 
     Args:
@@ -164,7 +164,7 @@ def _table(
         return None
     rows = [[columns[at][i] for at in shared] for i in range(len(with_points))]
     best = [_best(columns[at], [least_at(curve, at) for _, curve in with_points]) for at in shared]
-    return Table(shared, [line for line, _ in with_points], rows, best)
+    return EqualTable(shared, [line for line, _ in with_points], rows, best)
 
 
 def _best(column: Sequence[Value | None], least: Sequence[float]) -> int | None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
+from glossbench.columns import COLUMNS
 from glossbench.findings.comparisons import noise_of
 from glossbench.metrics import METRICS
 
@@ -15,13 +16,11 @@ from .axes import Label, Place
 from .conditions import Cell, Group
 from .panels import Axis, Floats, Mask
 
+_UPDATE = COLUMNS["update_seconds"]
 COSTS = {
-    "shade": "shading time [ms]",
-    "light": "update for a new light [ms]",
-    "material": "update for a new material [ms]",
-    "geometry": "update for a new geometry [ms]",
-    "view": "update for a new view [ms]",
-    "memory": "state in memory [MB]",
+    "shade": COLUMNS["shade_seconds"].heading,
+    **{change: f"update for a new {change} [{_UPDATE.unit}]" for change in ("light", "material", "geometry", "view")},
+    "memory": COLUMNS["state_bytes"].heading,
 }
 # Costs below these, in the same units, are the calls of stages that do nothing: no plot is made of them alone.
 NEGLIGIBLE = {cost: 1e-6 if cost == "memory" else 0.01 for cost in COSTS}
@@ -161,9 +160,10 @@ def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floa
 
 
 def _cost(row: Mapping[str, Any], cost: str) -> float:
-    if cost == "memory":
-        return float(row["state_bytes"]) / 1e6
-    return 1e3 * float(row["shade_seconds"] if cost == "shade" else row["update_seconds"].get(cost, 0))
+    if cost in ("shade", "memory"):
+        column = COLUMNS["shade_seconds" if cost == "shade" else "state_bytes"]
+        return column.scale * float(row[column.name])
+    return _UPDATE.scale * float(row[_UPDATE.name].get(cost, 0))
 
 
 def _mean(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:

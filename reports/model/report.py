@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from glossbench.findings.citations import Citation, cited_by
+from glossbench.findings.columns import Column, columns_of
 from glossbench.findings.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
@@ -34,6 +35,7 @@ class Report:
         rows: of all cells; JSON columns parsed, missing values None.
         metrics: of the study, as far as the results have them.
         measured: these, and all others that the results have.
+        columns: of the results, by name, as the run knew them.
         groups: the cells by light, material and view.
     """
 
@@ -45,6 +47,7 @@ class Report:
     rows: Sequence[dict[str, Any]]
     metrics: Sequence[str]
     measured: Sequence[str]
+    columns: Mapping[str, Column]
     groups: Sequence[Group]
     _places: dict[str, list[Place]] = field(default_factory=dict)
     _lines: dict[tuple[int, str], list[Measured]] = field(default_factory=dict)
@@ -58,7 +61,7 @@ class Report:
         measured = list(dict.fromkeys([*metrics, *(name for name in METRICS.names() if name in cells.columns)]))
         return cls(
             results, study, results.claims, results.provenance, results.remarks(cells), rows, metrics, measured,
-            grouped(rows, measured),
+            columns_of(measured) | results.columns, grouped(rows, measured),
         )  # fmt: skip
 
     @cached_property

@@ -16,12 +16,6 @@ def spread_of(middle: float | None, low: float | None, high: float | None) -> st
     return f"{number(low, 2)} to {number(high, 2)}"
 
 
-def shade_spread(row: Mapping[str, Any]) -> str:
-    """Of the shading time of a cell [ms]."""
-    ends = (row.get(f"shade_seconds{end}") for end in ("", "_low", "_high"))
-    return spread_of(*(None if seconds is None else 1e3 * seconds for seconds in ends))
-
-
 def time_notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """What a reader of times must know: how often they were taken, on which processors, and beside which other work."""
     done = [row for row in rows if row["status"] == "done"]

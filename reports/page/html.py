@@ -1,41 +1,38 @@
 """The HTML report of a study: one file, read from what the run left on disk, that opens without a network."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas
 import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 from glossbench.strict_json import dumps
 from glossbench.study.labels import budget_of, listed, with_names
 
-from .. import raster, style
+from .. import style
 from ..model.answer import drawn
-from ..model.conditions import Cell, Group, methods_of
-from ..model.descriptions import described
-from ..model.equal import Value
+from ..model.cell_table import cell_table, costs_of, counts_of, errors_of, stage_table
+from ..model.conditions import Group
+from ..model.descriptions import defined, described
+from ..model.facts import provenance, without_image
 from ..model.notation import runs
-from ..model.panels import Floats
 from ..model.report import Report
 from ..model.selection import MOST_PICTURES, chosen
 from ..model.spreadsheet import csv_link
-from ..model.times import shade_spread, spread_of
+from ..model.tables import claim_table, equal_table, reference_table
 from ..raster import CLIPPED_SHARE, WHITE, svg_uri
 from ..typesetting import Press
 from .contact_sheet import pictures_of
 from .payload import payload, remove_others
 from .plot_data import plot_data
 from .scripts import TEMPLATES, module, policy
+from .tiles import MANY_PATTERNS, pattern_tiles, state_tiles
 
-MANY_PATTERNS = 12
-MANY_STATES = 24
 MOST_ROWS, FEWEST_ROWS = 1000, 5  # of a table, in all and of a light, material and view
 PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
 
@@ -47,6 +44,8 @@ def write_report(folder: Path) -> Path:
     report = Report.of(results)
     viewer = payload(results, report.groups, report.measured[0] if report.measured else None)
     scripts = [module(PAGE), module(["numbers.js", *sorted(path.name for path in TEMPLATES.glob("viewer*.js"))])]
+    most = max(FEWEST_ROWS, MOST_ROWS // max(1, len(report.groups)))
+    quantities = [*counts_of(report), *errors_of(report, report.measured), *costs_of(report)]
     page = (
         _templates()
         .get_template("report.html")
@@ -57,18 +56,20 @@ def write_report(folder: Path) -> Path:
             study=report.study,
             study_yaml=yaml.safe_dump(report.study, sort_keys=False, allow_unicode=True),
             metrics=report.measured,
-            definitions=_metrics(report.study),
-            groups=report.groups,
-            most=max(FEWEST_ROWS, MOST_ROWS // max(1, len(report.groups))),
+            definitions=defined(report.measured, report.columns),
+            provenance=provenance(report),
+            cells=cell_table(report, quantities, most),
+            stages=stage_table(report, most),
+            references=reference_table(report),
             most_rows=MOST_ROWS,
-            missing=_missing(report.groups),
+            missing=without_image(report),
             viewer=viewer,
             answer=_answer(report),
             plots=plot_data(report),
             sheets=_sheets(results, report.groups),
-            patterns=_patterns(results, report.groups),
+            patterns=pattern_tiles(results, report.groups),
             n_patterns=MANY_PATTERNS,
-            states=_states(results, report.groups),
+            states=state_tiles(results, report.groups),
             csv=csv_link(_named(results.cells)),
             methods=_methods(report.seen("method")),
             white=WHITE,
@@ -93,23 +94,14 @@ def _templates() -> Environment:
     templates.policies["json.dumps_function"] = dumps
     templates.policies["json.dumps_kwargs"] = {}
     templates.filters |= {"number": style.number, "count": style.whole, "samples": _samples, "budget": budget_of}
-    templates.filters |= {"options": listed, "breakable": _breakable, "sortable": _sortable, "shortest": style.tick}
-    templates.filters |= {"shade_spread": shade_spread, "spread": _spread}
+    templates.filters |= {"options": listed, "breakable": _breakable}
+    templates.globals |= {"claim_table": claim_table, "equal_table": equal_table}
     return templates
 
 
 def _named(cells: pandas.DataFrame) -> pandas.DataFrame:
     """The table with what its lights, materials and views are called, which older results do not hold."""
     return pandas.DataFrame(with_names(cells.to_dict("records")), index=cells.index)
-
-
-def _metrics(study: Mapping[str, Any]) -> dict[str, Any]:
-    """Metrics by name: the registered class, or None for one whose plug-in is not installed here."""
-    return dict.fromkeys(study.get("metrics") or ()) | {name: METRICS.get(name) for name in METRICS.names()}
-
-
-def _spread(value: Value) -> str:
-    return spread_of(*value)
 
 
 def _samples(value: float) -> str:
@@ -119,28 +111,6 @@ def _samples(value: float) -> str:
 def _breakable(name: str) -> Markup:
     """A name that a line may break after its underscores."""
     return escape(name).replace("_", Markup("_<wbr>"))
-
-
-def _sortable(cell: Cell, metrics: Sequence[str], told: bool, tuned: bool) -> list[float | str | None]:
-    """What a row of the table sorts by, a value a column; None comes last, an error at the noise floor first."""
-    row = cell.row
-    names = [row["method"], *([cell.options] if told else []), *([listed(row["tuned"])] if tuned else [])]
-    if not cell.done:
-        return [*names, budget_of(row)]
-    errors = [0.0 if row["at_noise_floor"] else row[metric] for metric in metrics]
-    updates = [row["update_seconds"].get(change, 0) for change in ("light", "material", "geometry", "view")]
-    costs = [row["shade_seconds"], sum(row["stage_seconds"].values()), *updates, row["state_bytes"]]
-    return [*names, row["n_samples"], *errors, *costs]
-
-
-def _missing(groups: Sequence[Group]) -> list[dict[str, Any]]:
-    """The cells without an image, with the last line of what they say."""
-    return [
-        {"group": group, "cell": cell, "last": (cell.row["reason"] or "no traceback").strip().splitlines()[-1]}
-        for group in groups
-        for cell in group.cells
-        if not cell.done
-    ]
 
 
 def _answer(report: Report) -> dict[str, Any] | None:
@@ -173,48 +143,3 @@ def _methods(names: Sequence[str]) -> list[dict[str, Any]]:
             method._asdict() | {"image": image(method.equation), "source": runs(method.source)}
             for method in described(names)
         ]
-
-
-def _patterns(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
-    """Half vectors that the pixels share, equal ones once; only their number where there are too many."""
-    found: dict[Any, tuple[Group, Cell, Floats]] = {}
-    for group in groups:
-        for cell in group.done:
-            half_vectors = results.half_vectors(cell.row["key"])
-            if half_vectors is not None:
-                found.setdefault((cell.index, half_vectors.tobytes()), (group, cell, half_vectors))
-    if not found or len(found) > MANY_PATTERNS:
-        return {"count": len(found), "tiles": []}
-    hues = methods_of([group for group in groups if group.done])
-    widest = max(float(np.degrees(h[:, 0].max())) for _, _, h in found.values() if len(h))
-    largest = max(5.0, np.ceil(widest / 5) * 5)
-    tiles = [
-        {
-            "title": group.title,
-            "cell": cell,
-            "n": len(half_vectors),
-            "colour": style.shade(hues[str(cell.row["method"])]),
-            "dots": style.polar(half_vectors, largest),
-        }
-        for group, cell, half_vectors in found.values()
-    ]
-    return {"count": len(found), "tiles": tiles, "largest": largest}
-
-
-def _states(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
-    """Pictures of what methods keep, each at an exposure of its own; of the first cells where there are many."""
-    tiles: list[dict[str, Any]] = []
-    # One listing of a folder that may hold many thousand files, not one a cell.
-    have = {path.name.partition("_state_")[0] for path in (results.folder / "images").glob("*_state_*.exr")}
-    for group in groups:
-        for cell in group.done:
-            key = cell.row["key"]
-            found = results.pictures(key) if key in have and len(tiles) < MANY_STATES else {}
-            for name, image in found.items():
-                shown = np.ones(image.shape[:2], bool)
-                lit = image.max(axis=2) > 0  # an unfolded cube has empty places
-                exposure = raster.exposure_of(image, lit) if lit.any() else 1.0
-                png = raster.picture(image, shown, exposure)
-                tile = {"name": name, "title": group.title, "cell": cell, "shape": image.shape, "exposure": exposure}
-                tiles.append({**tile, "picture": raster.uri(png)})
-    return tiles

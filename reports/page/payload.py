@@ -29,22 +29,13 @@ from glossbench.strict_json import dumps
 
 from .. import raster, style
 from ..model.conditions import Cell, Group, methods_of
+from ..model.errors import EPSILON, ERRORS, error
 
 INLINE = 32_000_000  # bytes of half floats, before deflation, up to which the page holds its images itself
 FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # of a map's longer side, and of the maps of all cells together, at most
 RANGE_SAMPLES = 1_000_000  # pixels of a group that decide the end of the scale of an error
-EPSILON = 0.01  # [radiance], of the relative error
 LARGEST_HALF = 65504.0
 FOLDER = "report_images"
-ERRORS = {
-    "signed": ("signed", "mean(x − y) [radiance]"),
-    "absolute": ("absolute", "mean |x − y| [radiance]"),
-    "squared": ("squared", "mean (x − y)² [radiance²]"),
-    "relative": ("relative", f"mean |x − y| / (|y| + {EPSILON})"),
-    "smape": ("SMAPE", "mean 2 |x − y| / (|x| + |y|)"),
-    "flip": ("FLIP", "HDR-FLIP(x, y)"),
-}
-
 Planes = NDArray[np.float16]
 
 
@@ -121,24 +112,6 @@ def packed(planes: Planes) -> bytes:
         bits = np.diff(bits, axis=axis, prepend=np.int16(0))
     folded = ((bits << 1) ^ (bits >> 15)).view(np.uint16).ravel()
     return zlib.compress(np.concatenate([folded >> 8, folded & 255]).astype(np.uint8).tobytes(), 6)
-
-
-def error(mode: str, x: Floats, y: Floats) -> Floats:
-    """The error of each pixel, of radiance (..., 3), by the formula that ERRORS states; all but FLIP."""
-    d = x - y
-    match mode:
-        case "signed":
-            return d.mean(axis=-1)
-        case "absolute":
-            return np.abs(d).mean(axis=-1)
-        case "squared":
-            return (d * d).mean(axis=-1)
-        case "relative":
-            return (np.abs(d) / (np.abs(y) + EPSILON)).mean(axis=-1)
-        case "smape":
-            size = np.abs(x) + np.abs(y)
-            return (2 * np.abs(d) / np.where(size > 0, size, 1)).mean(axis=-1)
-    raise ValueError(mode)
 
 
 def _images(

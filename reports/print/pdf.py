@@ -9,14 +9,13 @@ import yaml
 from matplotlib.figure import Figure
 
 from glossbench.atomic import replacing
-from glossbench.metrics import METRICS
 from glossbench.run.figures import FIGURES
 from glossbench.run.results import Results
 from glossbench.study.labels import listed
 
 from ..model.axes import FEWEST, SAMPLES, Place, Sweep, with_costs
-from ..model.conditions import Group
-from ..model.descriptions import described
+from ..model.descriptions import defined, described
+from ..model.facts import Missing, headline, provenance, without_image
 from ..model.lines import COSTS
 from ..model.notation import runs
 from ..model.panels import Panels, shown
@@ -25,12 +24,13 @@ from ..model.selection import MOST_PICTURES, chosen, middle_budgets
 from ..typesetting import Press
 from .images import PrintedGroup, best_few
 from .plots import comparable, draw, facets
-from .tables import claim_table, cost_table, equal_table, error_tables, reference_table
+from .tables import cost_table, error_tables, printed_claim, printed_equal, printed_references
 
-MOST_WITHOUT = 100  # cells without an image that are told one by one
+MOST_WITHOUT = 100  # cells without an image that are listed one by one
 MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
 MOST_SWEPT = 12  # places of one sweep that are plotted
 MANY_PLACES = 4  # more, and plots of single places move to the appendix
+PLUG_IN = "defined by a plug-in"
 Titled = tuple[Figure, str]
 
 
@@ -39,16 +39,16 @@ def write_report(folder: Path) -> Path:
     results = Results(folder)
     results.disk.own("report.pdf")
     report = Report.of(results)
-    study, groups, metrics = report.study, report.groups, report.metrics
+    study, metrics, missing = report.study, report.metrics, without_image(report)
     with Press() as press:
         answer, images = _images(report, press)
         plots, more_plots = _plots(report, press)
-        errors, *more_errors = error_tables(groups, metrics)
+        errors, *more_errors = error_tables(report)
         data = {
             "title": str(study.get("title", "")),
             "source": str(study.get("source") or ""),
             "question": " ".join(str(study.get("question") or "").split()),
-            "facts": [*_facts(report.provenance, report.rows), *report.remarks],
+            "facts": headline(report),
             "claims": [{"text": c["text"], "verdict": c["verdict"], "summary": c.get("summary", "")}
                        for c in report.claims],
             "verdict_words": _words(report.verdict_words),
@@ -58,20 +58,21 @@ def write_report(folder: Path) -> Path:
             "errors": errors,
             "more_errors": more_errors,
             "tables_last": len(report.rows) > MANY_CELLS,
-            "costs": cost_table(groups),
+            "costs": cost_table(report),
             "plots": plots,
             "more_plots": more_plots,
             "equal": _equal(report),
             "images": images,
             "methods": _methods(report.seen("method"), press),
-            "metrics": [_metric(name) for name in metrics],
-            "references": reference_table(groups),
-            "without_image": _without_image(groups),
-            "n_without_image": sum(not cell.done for group in groups for cell in group.cells),
-            "numbers": [claim_table(claim) for claim in report.claims if claim.get("numbers")],
+            "metrics": [each._asdict() | {"formula": runs(each.formula or PLUG_IN)}
+                        for each in defined(metrics, report.columns)],
+            "references": printed_references(report),
+            "without_image": _without_image(missing),
+            "n_without_image": len(missing),
+            "numbers": [printed_claim(claim) for claim in report.claims if claim.get("numbers")],
             "bibliography": _bibliography(report, press),
             "study": yaml.safe_dump(study, sort_keys=False, allow_unicode=True, width=112, default_flow_style=None),
-            "provenance": _provenance(report.provenance, study, groups),
+            "provenance": [{"name": name, "value": value} for name, value in provenance(report)],
         }  # fmt: skip
         pdf = press.pages("report.typ", data)
     path = results.disk.path("report.pdf")
@@ -166,13 +167,7 @@ def _equal(report: Report) -> list[dict[str, Any]]:
     found = [each for each in report.equal if each.metric == next(iter(report.metrics), None)]
     if len(report.places(report.axes[SAMPLES])) > MOST_SWEPT:
         found = [each for each in found if len(each.place.lights) > 1] or found
-    tables = []
-    for place, axis, by_time, by_error in ((e.place, e.axis, e.by_time, e.by_error) for e in found[:MOST_SWEPT]):
-        if by_time:
-            tables.append(equal_table(by_time, f"{place.title}: {axis.label} at equal shading time", "ms"))
-        if by_error:
-            tables.append(equal_table(by_error, f"{place.title}: shading time [ms] at equal {axis.label}", ""))
-    return tables
+    return [table for each in found[:MOST_SWEPT] for table in printed_equal(each)]
 
 
 def _bibliography(report: Report, press: Press) -> str | None:
@@ -189,39 +184,10 @@ def _words(said: Mapping[str, str]) -> list[dict[str, str]]:
     return [{"name": name, "text": text} for name, text in said.items()]
 
 
-def _metric(name: str) -> dict[str, Any]:
-    if name not in METRICS.names():
-        return {"name": name, "unit": "", "formula": runs("defined by a plug-in")}
-    cls = METRICS.get(name)
-    return {"name": name, "unit": cls.unit.replace("1", ""), "formula": runs(cls.formula)}
-
-
-def _without_image(groups: Sequence[Group]) -> list[dict[str, Any]]:
+def _without_image(missing: Sequence[Missing]) -> list[dict[str, Any]]:
     """Skipped cells with their reasons, failed ones with their tracebacks."""
     return [
-        {"name": cell.row["method"], "options": cell.options or listed(cell.row["options"]), "place": group.title,
-         "status": cell.row["status"], "reason": (cell.row["reason"] or "").strip() or "no reason is known"}
-        for group in groups
-        for cell in group.cells
-        if not cell.done
-    ][:MOST_WITHOUT]  # fmt: skip
-
-
-def _facts(provenance: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """One line under the title: with what, when and how much."""
-    n_done = sum(row["status"] == "done" for row in rows)
-    counts = f"{len(rows)} cells" + ("" if n_done == len(rows) else f", {n_done} of them with an image")
-    version, started = provenance.get("glossbench"), str(provenance.get("started", ""))[:10]
-    return [text for text in (f"glossbench {version}" if version else "", started, counts) if text]
-
-
-def _provenance(
-    provenance: Mapping[str, Any], study: Mapping[str, Any], groups: Sequence[Group]
-) -> list[dict[str, str]]:
-    facts = {key.replace("_", " "): listed(v) if isinstance(v, Mapping) else str(v) for key, v in provenance.items()}
-    if isinstance(study.get("reference"), Mapping):
-        facts["reference"] = listed(study["reference"])
-    for group in groups:
-        stated = (f"{kind}: {listed(options) or 'no options'}" for kind, options in group.options.items())
-        facts[group.title] = "; ".join(stated)
-    return [{"name": name, "value": value} for name, value in facts.items()]
+        {"name": each.cell.row["method"], "options": each.cell.options or listed(each.cell.row["options"]),
+         "place": each.group.title, "status": each.cell.row["status"], "reason": each.reason}
+        for each in missing[:MOST_WITHOUT]
+    ]  # fmt: skip

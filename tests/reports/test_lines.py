@@ -13,8 +13,8 @@ from glossbench.reports.model.equal import error_at_time, time_at_error
 from glossbench.reports.model.lines import Measured, front, measured_at
 from glossbench.reports.model.panels import Axis
 from glossbench.reports.model.plots import over_axis
+from glossbench.reports.model.tables import equal_table
 from glossbench.reports.print.plots import facets
-from glossbench.reports.print.tables import equal_table
 from glossbench.reports.style import COLOURS
 from glossbench.study.labels import parsed
 
@@ -244,7 +244,7 @@ def test_a_line_without_a_number_that_did_not_come_lower_leaves_the_best_alone()
 def test_heads_of_equal_tables_in_print_are_the_columns_themselves():
     table = time_at_error([line("a", 0, [1, 10], [4, 1]), line("b", 1, [1, 10], [4, 1])], Axis("rms"))
 
-    heads = [column["title"] for column in equal_table(table, "", "")["columns"][1:]]
+    heads = [head.title for head in equal_table(table, "", "", 9).heads]
     assert (heads, len(set(heads))) == (["4", "3", "2", "1.5", "1"], 5)
 
 
