@@ -1,9 +1,12 @@
 """Quantities in colour: one tensor where they are grey, three where red, green and blue differ."""
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 
 Channels = tuple[Tensor, ...]
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear Rec. 709
 LARGEST = 1e30  # float32 ends at 3.4e38: a sum over 10^8 pixels of this stays below
 
 
@@ -23,4 +26,22 @@ def add(a: Channels, b: Channels) -> Channels:
 def channels(color: tuple[float, ...], device: str) -> Channels:
     """A colour as tensors: one when its components are equal, else three."""
     values = color[:1] if len(set(color)) == 1 else color
-    return tuple(torch.tensor(v, dtype=torch.float32, device=device) for v in values)
+    return tuple(scalar(v, device) for v in values)
+
+
+def channels_unless_black(color: tuple[float, ...], device: str) -> Channels:
+    """A colour as tensors, as `channels`; none where it is black."""
+    return channels(color, device) if any(color) else ()
+
+
+def scalar(value: float, device: str) -> Tensor:
+    """A number as a float32 tensor."""
+    return torch.tensor(value, dtype=torch.float32, device=device)
+
+
+def merge_channels(sums: Sequence[Tensor]) -> Tensor:
+    """RGB (P, 3) of light that was summed with a weight of several channels, once for each channel of the weight.
+
+    Column c of sum c; the sum itself where the weight is grey.
+    """
+    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)

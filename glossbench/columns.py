@@ -101,12 +101,16 @@ class CellRecord:
     reason: Annotated[str, about("status", "why it is not done")] = ""
     notes: Annotated[list[str], about("note")] = field(default_factory=list)
     metrics: Mapping[str, float] = field(default_factory=dict)  # by the names of their columns
+    left_out: Annotated[dict[str, list[float]], about("error", "metrics against the reference without each group")] = (
+        field(default_factory=dict)
+    )
     reference_noise: Annotated[float, about("reference", "noise of the reference", unit="radiance")] = NAN
     reference_peak_noise: Annotated[float, about("reference", "largest noise of a pixel", unit="radiance")] = NAN
     reference_target: Annotated[float, about("reference", "noise that was asked for", unit="radiance")] = NAN
     reference_mean: Annotated[float, about("reference", "mean of the reference", unit="radiance")] = NAN
     reference_samples: Annotated[int, about("reference", "samples per pixel of the reference")] = 0
     at_noise_floor: Annotated[bool, about("reference", "RMS error below twice the reference's noise")] = False
+    is_random: Annotated[bool, about("method", "its points are random")] = False
     n_samples: Annotated[int, about("count", "light samples per pixel")] = 0
     budget: Annotated[str, about("method", "option that is the budget")] = ""
     stage_seconds: Annotated[dict[str, float], about("cost", "stages", unit="ms", scale=1e3)] = field(

@@ -1,13 +1,15 @@
-"""What a module of anyone is made of: its file, and the files beside it that it imports, at any depth."""
+"""What a module is made of: its file, and the files that it imports, at any depth, of anyone and of glossbench."""
 
-import ast
 import hashlib
 import sys
 import sysconfig
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import lru_cache
 from importlib.machinery import BYTECODE_SUFFIXES, EXTENSION_SUFFIXES
 from pathlib import Path
+
+from glossbench import source_tree
+from glossbench.source_imports import Imported, source_of
 
 ENDINGS = (".py", *EXTENSION_SUFFIXES, *BYTECODE_SUFFIXES)
 OWN = Path(__file__).resolve().parent
@@ -25,13 +27,25 @@ def is_installed(path: Path | None) -> bool:
     return any(resolved.is_relative_to(root) for root in (*roots, OWN)) or resolved.suffix == ".zip"
 
 
+def source_files(module: str, file: Path) -> dict[str, Path]:
+    """The files that decide what a module computes, by name: glossbench's own among them.
+
+    Of a module of anyone these are `local_files`, and what those import of glossbench.
+    """
+    tree = source_tree.GLOSSBENCH
+    if tree.has(module):
+        return tree.closure([Imported(module)])
+    local = local_files(module, file)
+    imports = [each for name, path in local.items() for each in source_of(path, _package(name, path)).imports]
+    return local | tree.closure(imports)
+
+
 def local_files(module: str, file: Path) -> dict[str, Path]:
     """The files that a module is made of, by name: its own, its package's, and all that these import.
 
-    An import is what the source says: `import a.b`, `from a import b`, relative ones, those inside functions, and a
-    literal name handed to import_module. It is looked for beside the module that imports, from the folder of its
-    outermost package, then in the places of sys.path; what is installed is left out. A name that is computed, and data
-    that a module reads, are not seen.
+    An import is what the source says (`source_of`). It is looked for beside the module that imports, from the folder of
+    its outermost package, then in the places of sys.path; what is installed is left out. Data that a module reads are
+    not seen.
     """
     found = {module: file}
     depth = module.count(".") + (file.stem == "__init__")
@@ -41,12 +55,10 @@ def local_files(module: str, file: Path) -> dict[str, Path]:
     waiting = list(found.items())
     while waiting:
         module, file = waiting.pop()
-        is_package = file.name.startswith("__init__.")
-        root = file.parents[module.count(".") + is_package]
-        package = module if is_package else module.rpartition(".")[0]
-        stat = file.stat()
-        for name in _imports(file, package, stat.st_size, stat.st_mtime_ns):
-            for each, path in _resolved(name, root):
+        package = _package(module, file)
+        root = file.parents[module.count(".") + (package == module)]
+        for imported in source_of(file, package).imports:
+            for each, path in _resolved(imported.dotted, root):
                 if each not in found:
                     found[each] = path
                     waiting.append((each, path))
@@ -60,6 +72,11 @@ def hash_of(files: dict[str, Path]) -> str:
         stat = path.stat()
         digest.update(f"{name} {_digest(path, stat.st_size, stat.st_mtime_ns)}\n".encode())
     return digest.hexdigest()
+
+
+def _package(module: str, file: Path) -> str:
+    """The package that relative imports of a module start from."""
+    return module if file.name.startswith("__init__.") else module.rpartition(".")[0]
 
 
 def _name(path: Path, place: Path) -> str:
@@ -86,31 +103,6 @@ def _file_of(stem: Path) -> Path | None:
     """The file of a module, or of a package, at a path without ending."""
     candidates = [stem / "__init__.py", *(stem.with_name(stem.name + ending) for ending in ENDINGS)]
     return next((each for each in candidates if each.is_file() and not is_installed(each)), None)
-
-
-@lru_cache(maxsize=1024)
-def _imports(file: Path, package: str, size: int, time: int) -> tuple[str, ...]:
-    """Names of all modules that a file may import; `from a import b` counts as a.b, for b may be a module."""
-    if file.suffix != ".py":
-        return ()
-    try:
-        tree = ast.parse(file.read_bytes())
-    except (SyntaxError, ValueError, RecursionError):
-        return ()
-    return tuple(sorted(set(_named(ast.walk(tree), package))))
-
-
-def _named(nodes: Iterable[ast.AST], package: str) -> Iterator[str]:
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            outer = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level and package else []
-            module = ".".join([*outer, *([node.module] if node.module else [])])
-            yield from (f"{module}.{alias.name}".strip(".") for alias in node.names)
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in ("import_module", "__import__"):
-            literal = [arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant)]
-            yield from (name for name in literal if isinstance(name, str) and not name.startswith("."))
 
 
 @lru_cache(maxsize=1024)

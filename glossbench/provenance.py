@@ -15,49 +15,43 @@ from uuid import uuid4
 
 import torch
 
-from glossbench.import_closure import hash_of, local_files
+from glossbench import source_tree
+from glossbench.import_closure import hash_of, source_files
+from glossbench.source_imports import Imported
 
 version = cache(metadata.version)  # which reads a file
 
-# What decides the numbers: a change of any of these files makes every cell new.
-NUMERICS = (
-    "brdf", "envmap", "scene", "metrics", "shading", "truth", "prefilter", "channels.py", "directions.py",
-    "factorization.py", "options.py", "run/measuring.py", "run/tuning.py", "process/surroundings.py",
-)  # fmt: skip
+# What computes and decodes beside glossbench itself: with another version of these, every cell is new.
+COMPUTING = ("torch", "scipy", "scikit-image", "flip-evaluator", "OpenImageIO", "trimesh", "embreex")
 
 
 @cache
-def numerics_hash() -> str:
-    """SHA-256 of the source that decides the numbers, and of the versions of what computes and decodes them."""
-    names = ("scipy", "scikit-image", "flip-evaluator", "OpenImageIO", "trimesh", "embreex")
-    versions = [torch.__version__, *map(version, names)]
-    digest = hashlib.sha256(" ".join(versions).encode())
-    package = Path(__file__).parent
-    for part in NUMERICS:
-        for path in sorted((package / part).rglob("*.py")) if (package / part).is_dir() else [package / part]:
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
+def code_hash(*modules: str) -> str:
+    """SHA-256 of the import closure of modules of glossbench, and of the versions of what computes and decodes."""
+    closure = source_tree.GLOSSBENCH.closure(map(Imported, modules))
+    return hashlib.sha256(" ".join([hash_of(closure), *map(version, COMPUTING)]).encode()).hexdigest()
 
 
 def source_hash(cls: type) -> str:
-    """SHA-256 of the source of a class and its bases; of a plug-in's, of its package and of all that it imports.
+    """SHA-256 of the source of a class and its bases: of their modules, and of all that these import.
 
-    What it imports counts where it is not installed: see `local_files`. A class without a file, as of a notebook,
-    hashes to something new each time: its cells are never taken for others.
+    What a plug-in imports counts where it is not installed, and where it is of glossbench: see `source_files`. A class
+    without a file, as of a notebook, hashes to something new in each process: its cells are never taken for others.
     """
-    digest = hashlib.sha256()
+    files: dict[str, Path] = {}
     for base in cls.__mro__:
-        if base.__module__ == "builtins":
+        if base.__module__.partition(".")[0] in sys.stdlib_module_names:
             continue
         file = getattr(sys.modules.get(base.__module__), "__file__", None)
         if file is None or not Path(file).is_file():
-            return f"no source {uuid4().hex}"
-        package = base.__module__.partition(".")[0]
-        if package == "glossbench" or package in sys.stdlib_module_names:
-            digest.update(Path(file).read_bytes())
-            continue
-        digest.update(hash_of(local_files(base.__module__, Path(file))).encode())
-    return digest.hexdigest()
+            return _without_source(base)
+        files |= source_files(base.__module__, Path(file))
+    return hash_of(files)
+
+
+@cache
+def _without_source(cls: type) -> str:
+    return f"no source {uuid4().hex}"
 
 
 def glossbench_version() -> str:
@@ -103,14 +97,16 @@ def processor() -> str:
         return platform.processor() or platform.machine()
 
 
-def provenance(device: str, started: datetime, plugins: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
-    """Where results come from; of plug-ins, the file of each."""
+def provenance(
+    device: str, started: datetime, source: str, plugins: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, Any]:
+    """Where results come from: `source` is the hash of what measured, `plugins` has the file of each plug-in."""
     return {
         **system_information(),
         "device": device,
         "started": started.isoformat(timespec="seconds"),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": " ".join(["glossbench", *sys.argv[1:]]) if Path(sys.argv[0]).name == "glossbench" else "Python",
-        "source_hash": numerics_hash(),
+        "source_hash": source,
         **({"plugins": dict(plugins)} if plugins else {}),
     }

@@ -5,7 +5,8 @@ import logging
 import pkgutil
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -73,6 +74,21 @@ class Registry(Generic[T]):
     def unknown(self, name: str) -> str:
         """The message for an unknown name: what has this name elsewhere, or the nearest registered name."""
         return f"unknown {self.kind} {name!r}{self._elsewhere(name) or nearest(name, self.names())}"
+
+    @contextmanager
+    def isolated(self, only: Iterable[type[T]] | None = None) -> Iterator[None]:
+        """A block whose registrations end with it: after it, the names and their classes are those of before.
+
+        Args:
+            only: the classes that are registered when the block begins; all that were registered before it, by default.
+        """
+        self._discover()
+        before = self._classes
+        self._classes = dict(before) if only is None else {cls.name: cls for cls in only}
+        try:
+            yield
+        finally:
+            self._classes = before
 
     def create(self, name: str, options: Mapping[str, Any]) -> T:
         """An instance of the named class with these options."""

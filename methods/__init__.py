@@ -1,1 +1,4 @@
-"""The plug-ins that shade: one file a method, found by its presence here."""
+"""The plug-ins that shade: each is one file, or a folder where it needs several, found by its presence here.
+
+A method imports `glossbench.prefilter` and libraries, never another method; files of a folder import each other.
+"""

@@ -2,20 +2,32 @@
 
 from typing import Annotated, Any, Literal, NamedTuple
 
-import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material, Reflectance
-from glossbench.directions import PointSet, Vec3, points_2d, to_local
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.importance import luminance_distribution
-from glossbench.envmap.pyramid import finest, lookup
-from glossbench.options import Seed
-from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading.kernels import over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
-from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Material,
+    Method,
+    Occluder,
+    PointSet,
+    Reflectance,
+    Seed,
+    ShadingPoints,
+    Vec3,
+    finest,
+    lookup,
+    luminance_distribution,
+    merge_channels,
+    occluder_of,
+    over_points,
+    points_2d,
+    stage,
+    to_local,
+    unhidden,
+)
 
 
 class DirectionalLights(NamedTuple):
@@ -50,6 +62,11 @@ class EnvironmentSampling(Method):
     equation = "L_o approx 1/N sum_(i=1)^N (f(omega_o, omega_i) cos theta_i thin L(omega_i))/p(omega_i)"
     contract = Contract(furnace=0.03, linear=False, turns=0.03, budget=("samples", (64, 256, 1024, 4096)), slope=-0.5)
 
+    @property
+    def is_random(self) -> bool:
+        """The seed is of random points alone."""
+        return self.points == "random"
+
     @stage
     def lights(self, light: CubeMap) -> DirectionalLights:
         """The directional lights."""
@@ -71,4 +88,4 @@ def _kernel(
     wi = to_local(lights.direction, points.t, points.b, points.n)
     weight = tuple(channel * wi.z for channel in reflectance.f(points.wo_local(), wi))
     sums = [w @ lights.power for w in unhidden(weight, points, lights.direction, occluder)]
-    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+    return merge_channels(sums)

@@ -5,18 +5,29 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.lobe import Lobe
-from glossbench.brdf.material import Material
-from glossbench.directions import PointSet, points_2d, to_world
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.pyramid import Environment, finest, weighted_radiance
-from glossbench.options import Seed
-from glossbench.prefilter.stages import irradiance
-from glossbench.prefilter.visible_diffuse import visible_diffuse
-from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading.kernels import over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
-from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Environment,
+    Lobe,
+    Material,
+    Method,
+    Occluder,
+    PointSet,
+    Seed,
+    ShadingPoints,
+    finest,
+    irradiance,
+    occluder_of,
+    over_points,
+    points_2d,
+    stage,
+    to_world,
+    unhidden,
+    visible_diffuse,
+    weighted_radiance,
+)
 
 
 @METHODS.register("importance_sampling")
@@ -45,6 +56,11 @@ class ImportanceSampling(Method):
     contract = Contract(furnace=1e-3, budget=("samples", (16, 64, 256, 1024)), slope=-0.5)
 
     irradiance = irradiance
+
+    @property
+    def is_random(self) -> bool:
+        """The seed is of random points alone."""
+        return self.points == "random"
 
     def n_samples(self, material: Material) -> int:
         """Samples of all lobes: at least one each."""

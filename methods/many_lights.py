@@ -2,19 +2,29 @@
 
 from typing import Annotated, Any
 
-import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material, Reflectance
-from glossbench.directions import Vec3, to_local
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.prefilter.median_cut import Partition, median_cut
-from glossbench.prefilter.shadows import Shadows, Visibility, no_shadows
-from glossbench.prefilter.stages import shadows
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading.kernels import over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Material,
+    Method,
+    Partition,
+    Reflectance,
+    ShadingPoints,
+    Shadows,
+    Vec3,
+    Visibility,
+    median_cut,
+    merge_channels,
+    no_shadows,
+    over_points,
+    shadows,
+    stage,
+    to_local,
+)
 
 
 @METHODS.register("many_lights")
@@ -75,4 +85,4 @@ def _kernel(
     wi = to_local(direction, points.t, points.b, points.n)
     weight = wi.z * shadows.visible(points)
     sums = [(channel * weight) @ power for channel in reflectance.f(points.wo_local(), wi)]
-    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+    return merge_channels(sums)

@@ -7,19 +7,33 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.kurt import Kurt
-from glossbench.brdf.lobe import Lobe
-from glossbench.brdf.material import Material
-from glossbench.directions import Vec3, dot, points_2d, reflect, spherical, to_world
-from glossbench.envmap.pyramid import MipFilter, Pyramid, weighted_radiance
-from glossbench.errors import InputError
-from glossbench.options import Finite
-from glossbench.prefilter.stages import irradiance, pyramid
-from glossbench.prefilter.visible_diffuse import visible_diffuse
-from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading.kernels import over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
-from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    Finite,
+    InputError,
+    Lobe,
+    Material,
+    Method,
+    MipFilter,
+    Occluder,
+    Pyramid,
+    ShadingPoints,
+    Vec3,
+    dot,
+    irradiance,
+    occluder_of,
+    over_points,
+    points_2d,
+    pyramid,
+    reflect,
+    spherical,
+    stage,
+    to_world,
+    unhidden,
+    visible_diffuse,
+    weighted_radiance,
+)
 
 Spacing = Literal["s1", "s2"]
 
@@ -73,7 +87,6 @@ class RegularSampling(Method):
     mip_bias: Annotated[Finite, Field(ge=-4, le=4)] = 0.0
     mip_filter: MipFilter = "gauss6"
     visibility: Literal["none", "rays"] = "none"
-    projection: ClassVar[str] = "cube"  # eq. 16 counts texels of a cube
 
     # Measured: furnace 0.053 with GGX, whose tail the cut at xi loses, 3e-4 with Beckmann lobes; slope -0.72. With
     # the defaults furnace is 0.21 and 0.014, and under spots more samples do not help: the error stays at 0.1.
@@ -208,7 +221,7 @@ def sample_pattern(m_x: float, m_y: float, xi: float, n_circles: int, spacing: S
     check = RegularSampling(xi=xi, n_circles=n_circles, spacing=spacing)
     if not (0 < m_x <= 1 and 0 < m_y <= 1):
         raise InputError(f"sample_pattern: m_x and m_y must be in (0, 1], got {m_x!r} and {m_y!r}")
-    return _circles(Kurt(m=(float(m_x), float(m_y))).reflectance().lobes[0], check.xi, n_circles, spacing)
+    return _circles(Lobe((torch.tensor(m_x), torch.tensor(m_y)), ks=()), check.xi, n_circles, spacing)
 
 
 def _circles(lobe: Lobe, xi: float, n_circles: int, spacing: Spacing) -> Tensor:

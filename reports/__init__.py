@@ -1,4 +1,7 @@
-"""Report generators: they read what a run left on disk, never live objects."""
+"""Report generators: they read what a run left on disk, never live objects.
+
+They import `glossbench.run` and the rooms below it, and no method.
+"""
 
 import os
 import sys

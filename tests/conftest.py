@@ -1,10 +1,14 @@
 """Fixtures that more than one test module asks for."""
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from browser import Browser, find
+
+pytest.register_assert_rewrite("oracles")  # before any of it is imported
+
+from oracles.browser import Browser, find  # noqa: E402
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: torch, not yet imported, takes no more than its own
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -15,11 +19,10 @@ def _registries_as_they_were():
     """What a module's tests register is gone when the next module's begin."""
     from glossbench.commands.info import registries  # late, as it imports torch
 
-    before = {registry: (registry.names(), dict(registry._classes))[1] for registry in registries().values()}
-    yield
-    for registry, classes in before.items():
-        registry._classes.clear()
-        registry._classes.update(classes)
+    with ExitStack() as stack:
+        for registry in registries().values():
+            stack.enter_context(registry.isolated())
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -9,19 +9,17 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-import fuzz
-
 from glossbench.errors import InputError
+from oracles import fuzz
 
-PROGRAM = Path(fuzz.__file__)
+TESTS = str(Path(__file__).parent)
 # 2000 mutated studies are refused from 44 places of the code, 1000 of them from 41; an image takes a thousandth of a
 # second, a study twenty.
 N_INPUTS = {"studies": 1000, "images": 2000}
 RUN = f"""
 import sys
-sys.path.insert(0, {str(PROGRAM.parent)!r})
-import fuzz
+sys.path.insert(0, {TESTS!r})
+from oracles import fuzz
 for given in {{calls}}:
     sys.argv[1:] = given
     if fuzz.main():
@@ -77,7 +75,7 @@ def test_the_fuzzer_notices(monkeypatch, load, fault):
 
 
 def test_the_number_of_an_input_that_kills_the_process_is_known(tmp_path):
-    program = f"import sys; sys.path.insert(0, {str(PROGRAM.parent)!r})\nimport fuzz, os\n" \
+    program = f"import sys; sys.path.insert(0, {TESTS!r})\nimport os\nfrom oracles import fuzz\n" \
               "fuzz.load_study = lambda path: os.abort()\nfuzz.main()"  # fmt: skip
     command = [sys.executable, "-c", program, "studies", "2", "--seed", "7", "--log", tmp_path / "log"]
 

@@ -20,11 +20,11 @@ def _here(tmp_path, monkeypatch):
     """Two folders, and a process that has loaded nothing of them."""
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    monkeypatch.setattr(METHODS, "_classes", dict((METHODS.names(), METHODS._classes)[1]))
     for folder in ("study", "here"):
         (tmp_path / folder).mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    yield
+    with METHODS.isolated():
+        yield
     for name, module in list(sys.modules.items()):
         if str(vars(module).get("__file__")).startswith(str(tmp_path)):
             del sys.modules[name]

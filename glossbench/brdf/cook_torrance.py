@@ -9,7 +9,7 @@ from torch import Tensor
 
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.microfacet import Beckmann
-from glossbench.channels import channels
+from glossbench.channels import channels, channels_unless_black, scalar
 from glossbench.directions import Vec3
 from glossbench.options import Color, Widths
 
@@ -57,6 +57,6 @@ class CookTorrance(Material):
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
         value = 1 / 4 if self.factor == "1/4" else 1 / pi
-        m_x, m_y, factor = (torch.tensor(v, dtype=torch.float32, device=device) for v in (*self.m, value))
+        m_x, m_y, factor = (scalar(v, device) for v in (*self.m, value))
         lobe = Grooves((m_x, m_y), channels(self.ks, device), channels(self.f0, device), factor)
-        return Reflectance(channels(self.kd, device) if any(self.kd) else (), (lobe,))
+        return Reflectance(channels_unless_black(self.kd, device), (lobe,))

@@ -9,7 +9,7 @@ from pydantic import Field
 from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe, Sample
-from glossbench.channels import Channels, channels
+from glossbench.channels import Channels, channels, scalar
 from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
 
 Exponent = Annotated[float, Field(ge=0, le=1e5)]  # of a cosine
@@ -92,6 +92,6 @@ def cosine_lobe(C: tuple[float, float, float], s: float, ks: tuple[float, ...], 
     1 / sqrt(2 s), bounded by 1.
     """
     largest = max(map(abs, C))
-    diagonal = Vec3(*(torch.tensor(k / largest, dtype=torch.float32, device=device) for k in C))
-    m = torch.tensor(1 / sqrt(max(2 * s, 1.0)), dtype=torch.float32, device=device)
-    return CosineLobe((m, m), channels(ks, device), diagonal, torch.tensor(s, dtype=torch.float32, device=device))
+    diagonal = Vec3(*(scalar(k / largest, device) for k in C))
+    m = scalar(1 / sqrt(max(2 * s, 1.0)), device)
+    return CosineLobe((m, m), channels(ks, device), diagonal, scalar(s, device))

@@ -10,7 +10,7 @@ from torch import Tensor
 from glossbench.brdf.lobe import Sample
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.microfacet import Microfacet
-from glossbench.channels import channels
+from glossbench.channels import channels, channels_unless_black, scalar
 from glossbench.directions import Vec3, dot, normalize, reflect
 from glossbench.options import Color, Widths
 
@@ -102,6 +102,6 @@ class GGX(Material):
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
-        a_x, a_y = (torch.tensor(a, dtype=torch.float32, device=device) for a in self.alpha)
+        a_x, a_y = (scalar(a, device) for a in self.alpha)
         lobe = TrowbridgeReitz((a_x, a_y), channels(self.ks, device), channels(self.f0, device))
-        return Reflectance(channels(self.kd, device) if any(self.kd) else (), (lobe,))
+        return Reflectance(channels_unless_black(self.kd, device), (lobe,))

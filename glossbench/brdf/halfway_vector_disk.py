@@ -10,7 +10,7 @@ from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe, Sample
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
-from glossbench.channels import Channels, channels
+from glossbench.channels import Channels, channels, channels_unless_black, scalar
 from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
 from glossbench.options import Color, Widths
 
@@ -125,7 +125,7 @@ class HalfwayVectorDisk(Material):
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
-        r_x, r_y, n = (torch.tensor(v, dtype=torch.float32, device=device) for v in (*self.radius, self.exponent))
+        r_x, r_y, n = (scalar(v, device) for v in (*self.radius, self.exponent))
         widths = r_x / torch.sqrt(n + 1), r_y / torch.sqrt(n + 1)
         lobe = Lump(widths, channels(self.ks, device), (r_x, r_y), n, self.reciprocal)
-        return Reflectance(channels(self.kd, device) if any(self.kd) else (), (lobe,))
+        return Reflectance(channels_unless_black(self.kd, device), (lobe,))

@@ -8,9 +8,9 @@ import torch
 from pydantic import BeforeValidator, Field
 from torch import Tensor
 
-from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.brdf.material import MATERIALS, MAX_LOBES, Material, Reflectance
 from glossbench.brdf.microfacet import Beckmann
-from glossbench.channels import channels
+from glossbench.channels import channels, channels_unless_black, scalar
 from glossbench.directions import Vec3
 from glossbench.options import Color, Fraction, Options, Widths
 
@@ -70,15 +70,15 @@ class Kurt(Material):
     shadowing: Fraction = 0.0
     ks: Color = (1.0, 1.0, 1.0)
     kd: Color = (0.0, 0.0, 0.0)
-    lobes: Annotated[tuple[KurtLobe, ...], Field(max_length=16), BeforeValidator(_lobes)] = ()
+    lobes: Annotated[tuple[KurtLobe, ...], Field(max_length=MAX_LOBES), BeforeValidator(_lobes)] = ()
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
         own = KurtLobe(m=self.m, f0=self.f0, shadowing=self.shadowing, ks=self.ks)
-        diffuse = channels(self.kd, device) if any(self.kd) else ()
+        diffuse = channels_unless_black(self.kd, device)
         return Reflectance(diffuse, tuple(_lobe(lobe, device) for lobe in self.lobes or (own,)))
 
 
 def _lobe(lobe: KurtLobe, device: str) -> FreeShadowing:
-    m_x, m_y, shadowing = (torch.tensor(v, dtype=torch.float32, device=device) for v in (*lobe.m, lobe.shadowing))
+    m_x, m_y, shadowing = (scalar(v, device) for v in (*lobe.m, lobe.shadowing))
     return FreeShadowing((m_x, m_y), channels(lobe.ks, device), channels(lobe.f0, device), shadowing)

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe, Exponent, cosine_lobe
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
-from glossbench.channels import channels
+from glossbench.channels import channels_unless_black
 from glossbench.errors import InputError
 from glossbench.options import Color, Finite, Options
 from glossbench.options import Radiance as Factor  # a scalar or RGB, not negative
@@ -76,7 +76,7 @@ class Lafortune(Material):
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
-        diffuse = channels(self.kd, device) if any(self.kd) else ()
+        diffuse = channels_unless_black(self.kd, device)
         return Reflectance(diffuse, tuple(self._tensors(lobe, device) for lobe in self._lobes()))
 
     def _lobes(self) -> tuple[LafortuneLobe, ...]:

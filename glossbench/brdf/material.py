@@ -13,6 +13,8 @@ from glossbench.directions import Vec3
 from glossbench.options import Options
 from glossbench.registry import Registry
 
+MAX_LOBES = 16  # of a material: as many kernels as the reference has
+
 
 @dataclass(frozen=True)
 class Reflectance:

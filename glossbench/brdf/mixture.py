@@ -7,12 +7,11 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, GetJsonSchemaHandler, PlainSerializer
 from pydantic_core import CoreSchema
 
-from glossbench.brdf.material import MATERIALS, Material, Reflectance
+from glossbench.brdf.material import MATERIALS, MAX_LOBES, Material, Reflectance
 from glossbench.channels import Channels, add
 from glossbench.errors import InputError
 from glossbench.options import NonNegative
-
-MAX_LOBES = 16  # as many kernels as the reference has
+from glossbench.provenance import source_hash
 
 
 def _material(value: Any) -> Material:
@@ -71,8 +70,9 @@ class Sum(Material):
             raise InputError(f"sum.of must have at most {MAX_LOBES} lobes together, got {n_lobes}")
 
     def key(self) -> str:
-        """The keys of the materials, and the weights."""
-        return f"{self.name}:{[material.key() for material in self.of]}:{list(self.weights)}"
+        """The keys of the materials, the source of each, which no import names, and the weights."""
+        parts = [f"{material.key()} {source_hash(type(material))}" for material in self.of]
+        return f"{self.name}:{parts}:{list(self.weights)}"
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""

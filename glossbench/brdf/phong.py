@@ -7,7 +7,7 @@ import torch
 from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe, CosinePoints, Exponent, cosine_lobe
 from glossbench.brdf.lobe import Sample
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
-from glossbench.channels import Channels, channels
+from glossbench.channels import Channels, channels_unless_black
 from glossbench.directions import Vec3
 from glossbench.options import Color
 
@@ -62,4 +62,4 @@ class Phong(Material):
         lobe = cosine_lobe(MIRROR, self.s, self.ks, device)
         if not self.foreshortening:
             lobe = UnforeshortenedLobe(**vars(lobe))
-        return Reflectance(channels(self.kd, device) if any(self.kd) else (), (lobe,))
+        return Reflectance(channels_unless_black(self.kd, device), (lobe,))

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.microfacet import Beckmann
-from glossbench.channels import channels
+from glossbench.channels import channels, channels_unless_black, scalar
 from glossbench.directions import Vec3
 from glossbench.options import Color, Widths
 
@@ -59,7 +59,7 @@ class Ward(Material):
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
-        m_x, m_y = (torch.tensor(m, dtype=torch.float32, device=device) for m in self.m)
+        m_x, m_y = (scalar(m, device) for m in self.m)
         one = channels((1.0,), device)
         lobe = WardGaussian((m_x, m_y), channels(self.ks, device), one, self.normalisation)
-        return Reflectance(channels(self.kd, device) if any(self.kd) else (), (lobe,))
+        return Reflectance(channels_unless_black(self.kd, device), (lobe,))

@@ -1,1 +1,4 @@
-"""Public inputs: a name in the catalogue -> a verified file on this machine."""
+"""Public inputs: a name of the catalogue -> a verified file on this machine.
+
+It imports the loose files of glossbench alone.
+"""

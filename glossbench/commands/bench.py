@@ -18,9 +18,9 @@ from glossbench.directions import Vec3, points_2d, stack, to_local, to_world, ve
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Spots
 from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, weighted_radiance
+from glossbench.prefilter.light_shadows import variance_shadow_maps
 from glossbench.prefilter.lighting_function import sample_lighting_function, texel_weights
 from glossbench.prefilter.median_cut import median_cut
-from glossbench.prefilter.shadows import variance_shadow_maps
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.shapes import cloth
 from glossbench.scene.sphere import Sphere

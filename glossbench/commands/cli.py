@@ -6,7 +6,7 @@ import logging
 import sys
 import warnings
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.table import Table
@@ -22,9 +22,6 @@ from glossbench.commands.printing import err, out, print_rows, say, say_lines
 from glossbench.commands.run import report, run
 from glossbench.errors import InputError
 from glossbench.process.leftovers import leave
-
-if TYPE_CHECKING:
-    pass
 
 app = typer.Typer(
     no_args_is_help=True,

@@ -9,11 +9,12 @@ from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
 from glossbench.atomic import replacing
+from glossbench.channels import LUMINANCE
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.importance import LUMINANCE
 from glossbench.envmap.projections.conversion import from_cubemap
 from glossbench.errors import InputError
 from glossbench.srgb import encoded
+from glossbench.tone import reinhard
 
 
 def picture(cubemap: CubeMap, height: int) -> Tensor:
@@ -33,8 +34,7 @@ def tone_mapped(radiance: Tensor) -> Tensor:
     luminance = radiance.double() @ torch.tensor(LUMINANCE).double()
     lit = luminance[luminance > 0]
     exposed = radiance.double() * (0.18 / lit.log().mean().exp() if len(lit) else 0.0)
-    linear = (exposed / (1 + exposed @ torch.tensor(LUMINANCE).double())[..., None]).clamp(0, 1)
-    return (255 * torch.from_numpy(encoded(linear.cpu().numpy()))).round().to(torch.uint8)
+    return (255 * torch.from_numpy(encoded(reinhard(exposed).cpu().numpy()))).round().to(torch.uint8)
 
 
 def half_blocks(pixels: Tensor) -> Text:

@@ -57,7 +57,8 @@ def run(
     from rich.progress import Progress as Bar
 
     from glossbench.plugins import origin
-    from glossbench.run.runner import Progress, run_study
+    from glossbench.run.executor import Progress
+    from glossbench.run.runner import run_study
     from glossbench.study.study import load_study
 
     loaded = load_study(study, light=light)

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from glossbench.channels import LUMINANCE
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates, face_directions, texel_solid_angles
-
-LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear Rec. 709
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import embedding_bag
 
-from glossbench.channels import Channels
+from glossbench.channels import Channels, merge_channels
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates
 
@@ -176,7 +176,7 @@ def weighted_radiance(environment: Environment, d: Vec3, lod: Tensor | None, wei
         )
         for w in weight
     ]
-    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+    return merge_channels(sums)
 
 
 def lookup(environment: Environment, d: Vec3, lod: Tensor | None = None) -> Tensor:

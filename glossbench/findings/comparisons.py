@@ -1,28 +1,62 @@
 """Comparisons: two numbers, or one and its bounds, with the noise of the reference between them."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from glossbench.findings.estimates import Estimate, Floats, Sample, estimate
 from glossbench.metrics import METRICS
-from glossbench.study.claims import Bounds, RatioClaim, ValueClaim
+from glossbench.study.claims import Bounds, LowerClaim, RatioClaim, SlopeClaim, ValueClaim
 
-HOLDS, FAILS, NOISE, UNTESTED = "holds", "does not hold", "within noise", "not tested"
+HOLDS, FAILS, EQUAL, NOISE, UNTESTED = "holds", "does not hold", "equal", "within noise", "not tested"
 Row = dict[str, Any]
 
 
+class Side(NamedTuple):
+    """What is compared: one cell, or the cells that differ in the seed of their random points alone.
+
+    Attributes:
+        value: the column of the cell, or its mean over the seeds.
+        samples: of each cell, with what the reference's noise does to it.
+    """
+
+    value: float
+    samples: Sequence[Sample]
+
+    @property
+    def n_seeds(self) -> int:
+        """How many seeds stand behind it; 0 where no points are random."""
+        return len(self.samples) if self.samples[0].seed is not None else 0
+
+
 class Case(NamedTuple):
-    """One comparison of a claim; `shown` is the number that the summary tells about."""
+    """One comparison of a claim.
+
+    Attributes:
+        where: what is compared, in words.
+        a: the column of the first side, or the slope.
+        b: of the second side.
+        bound: what the number is compared with.
+        found: the number that decides: a ratio, a slope or a value.
+        seeds: how many seeds of random points stand behind each side; 0 where none are random.
+    """
 
     where: str
     a: float
     b: float | None
     bound: Any
-    noise: float
+    found: Estimate
     verdict: str
-    shown: float
+    seeds: tuple[int, ...]
+
+    def as_numbers(self) -> dict[str, Any]:
+        """The case as JSON types; `low` and `high` are the 95 % interval of `value`."""
+        low, high = self.found.interval
+        numbers = {"value": self.found.value, "low": low, "high": high}
+        told = {"where": self.where, "a": self.a, "b": self.b, "bound": self.bound, "verdict": self.verdict}
+        return {**told, **{name: finite(x) for name, x in numbers.items()}, "seeds": list(self.seeds)}
 
 
 def finite(value: Any) -> float | None:
@@ -32,56 +66,75 @@ def finite(value: Any) -> float | None:
     return float(value)
 
 
-def noise_of(a: Mapping[str, Any], b: Mapping[str, Any], column: str) -> float:
-    """RMS of the reference's standard error in the unit of a column; zero where it does not enter."""
-    # The largest of many errors moves with the largest standard error, not with their mean.
-    source = "reference_peak_noise" if column == "max_error" else "reference_noise"
-    relative = column.startswith("relative_")
-    if not relative and not (column in METRICS.names() and METRICS.get(column).unit == "radiance"):
-        return 0.0
-    noises = []
-    for row in (a, b):
-        noise = finite(row.get(source, row.get("reference_noise"))) or 0.0
-        mean = finite(row.get("reference_mean")) or 0.0
-        noises.append(noise if not relative else noise / mean if mean > 0 else 0.0)
-    return max(noises)
-
-
-def verdict_on(holds: bool, distances: Iterable[float], noise: float) -> str:
-    """The verdict on one comparison; within noise where a distance to a bound is below twice the noise."""
-    if any(abs(distance) < 2 * noise for distance in distances):
-        return NOISE
-    return HOLDS if holds else FAILS
-
-
 def inside(value: float, bounds: Bounds) -> bool:
     """Whether a number lies within bounds."""
     low, high = bounds
     return (low is None or value >= low) and (high is None or value <= high)
 
 
-def _edges(bounds: Bounds, column: str) -> list[float]:
-    """The bounds that noise may carry a number across: no error but the signed one goes below zero."""
-    return [bound for bound in bounds if bound is not None and (bound != 0 or column == "mean_error")]
+def lower_case(claim: LowerClaim, a: Side, b: Side, where: str) -> Case:
+    """|a| < |b|: within noise where the interval of |a| / |b| contains an end of the margin; equal inside it."""
+    found = estimate(_ratio_of_sizes, (a.samples, b.samples))
+    if any(found.is_unresolved(1 + margin) for margin in (-claim.margin, claim.margin)):
+        verdict = NOISE
+    elif abs(found.value - 1) <= claim.margin:
+        verdict = EQUAL
+    else:
+        verdict = HOLDS if found.value < 1 else FAILS
+    return Case(where, abs(a.value), abs(b.value), None, found, verdict, (a.n_seeds, b.n_seeds))
 
 
-def lower_case(a: float, b: float, noise: float, where: str) -> Case:
-    """a < b"""
-    return Case(where, a, b, None, noise, verdict_on(a < b, [a - b], noise), a / b if b else math.inf)
-
-
-def ratio_case(claim: RatioClaim, a: float, b: float, noise: float, where: str) -> Case:
+def ratio_case(claim: RatioClaim, a: Side, b: Side, where: str) -> Case:
     """a / b within the claim's bounds."""
-    edges = [a - edge * b for edge in _edges(claim.between, claim.of)]
-    verdict = verdict_on(inside(a / b, claim.between), edges, noise)
-    return Case(where, a, b, list(claim.between), noise, verdict, a / b)
+    found = estimate(lambda sides: _over(sides[0].mean(), sides[1].mean()), (a.samples, b.samples))
+    verdict = _within(found, claim.between, _edges(claim.between, claim.of, (*a.samples, *b.samples)))
+    return Case(where, a.value, b.value, list(claim.between), found, verdict, (a.n_seeds, b.n_seeds))
 
 
-def value_case(claim: ValueClaim, a: float, noise: float, where: str) -> Case:
+def value_case(claim: ValueClaim, a: Side, where: str) -> Case:
     """a within the claim's bounds, or equal to its number."""
-    if claim.between is None:
-        assert claim.equals is not None
-        verdict = verdict_on(math.isclose(a, claim.equals), [a - claim.equals], noise)
-        return Case(where, a, None, claim.equals, noise, verdict, a)
-    verdict = verdict_on(inside(a, claim.between), [a - edge for edge in _edges(claim.between, claim.of)], noise)
-    return Case(where, a, None, list(claim.between), noise, verdict, a)
+    found = estimate(lambda sides: float(sides[0].mean()), [a.samples])
+    if claim.equals is not None:
+        is_equal = math.isclose(found.value, claim.equals)
+        verdict = NOISE if found.is_unresolved(claim.equals) else HOLDS if is_equal else FAILS
+        return Case(where, a.value, None, claim.equals, found, verdict, (a.n_seeds,))
+    assert claim.between is not None
+    verdict = _within(found, claim.between, _edges(claim.between, claim.of, a.samples))
+    return Case(where, a.value, None, list(claim.between), found, verdict, (a.n_seeds,))
+
+
+def slope_case(claim: SlopeClaim, over: Sequence[float], points: Sequence[Side], where: str) -> Case:
+    """The least-squares slope of the logarithm of points over that of an option within the claim's bounds."""
+    x = np.log(over) - np.log(over).mean()
+
+    def slope(sides: Sequence[Floats]) -> float:
+        sizes = np.array([np.abs(side).mean() for side in sides])
+        return float(x @ np.log(sizes) / (x @ x)) if (sizes > 0).all() else math.nan
+
+    found = estimate(slope, [point.samples for point in points])
+    verdict = _within(found, claim.between, [bound for bound in claim.between if bound is not None])
+    seeds = min(point.n_seeds for point in points)
+    return Case(where, found.value, None, list(claim.between), found, verdict, (seeds,))
+
+
+def _ratio_of_sizes(sides: Sequence[Floats]) -> float:
+    return _over(np.abs(sides[0]).mean(), np.abs(sides[1]).mean())
+
+
+def _over(a: float, b: float) -> float:
+    """a / b; nothing over nothing is 1, as the two are equal."""
+    return float(a / b) if b else 1.0 if a == 0 else math.copysign(math.inf, a)
+
+
+def _within(found: Estimate, bounds: Bounds, edges: Sequence[float]) -> str:
+    """The verdict on a number between bounds; within noise where its interval contains one."""
+    if any(found.is_unresolved(edge) for edge in edges):
+        return NOISE
+    return HOLDS if inside(found.value, bounds) else FAILS
+
+
+def _edges(bounds: Bounds, column: str, samples: Sequence[Sample]) -> list[float]:
+    """The bounds that noise may carry a number across: 0 is none of what is never below it."""
+    is_signed = column in METRICS.names() and METRICS.get(column).signed
+    may_be_negative = is_signed or min(min(sample.values) for sample in samples) < 0
+    return [bound for bound in bounds if bound is not None and (bound != 0 or may_be_negative)]

@@ -1,13 +1,13 @@
 """Legends: a sentence for each word of a table or a verdict that its reader may not know, where it appears."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from inspect import cleandoc
 from typing import Any
 
 from glossbench.brdf.material import MATERIALS
 from glossbench.envmap.lights.light import LIGHTS
-from glossbench.findings.comparisons import NOISE
+from glossbench.findings.comparisons import EQUAL, NOISE
 from glossbench.options import Options
 from glossbench.registry import Registry
 from glossbench.scene.points import VIEWS
@@ -15,8 +15,12 @@ from glossbench.shading.method import METHODS
 from glossbench.study.labels import KINDS, differing, told_apart
 
 WITHIN_NOISE = (
-    "two numbers, or a number and its bound, are nearer to each other than twice the noise of the reference, "
-    "so the reference cannot tell which is the larger"
+    "the 95 % interval contains what the number is compared with, so the reference cannot tell on which side it is"
+)
+WITHIN_MARGIN = "the two differ by less than the claim's margin, for certain"
+INTERVAL = (
+    "where the number would be for a perfect reference, in 95 of 100 cases; from the replicates of the reference and, "
+    "where a method has several seeds, from their spread"
 )
 FLOOR = (
     "the RMS error is below twice the noise of the reference, so the reference cannot tell how large the error is; "
@@ -25,10 +29,12 @@ FLOOR = (
 REGISTRIES: Mapping[str, Registry[Any]] = {"light": LIGHTS, "material": MATERIALS, "view": VIEWS, "method": METHODS}
 
 
-def explain_verdicts(claims: Iterable[Mapping[str, Any]]) -> dict[str, str]:
-    """What "within noise" means, where a verdict or one of its numbers is."""
-    told = (word for claim in claims for word in (claim["verdict"], claim.get("summary", ""), *_verdicts(claim)))
-    return {NOISE: WITHIN_NOISE} if any(NOISE in word for word in told) else {}
+def explain_verdicts(claims: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """What "within noise", "equal" and an interval mean, where a verdict or one of its numbers has them."""
+    words = {claim["verdict"] for claim in claims} | {word for claim in claims for word in _verdicts(claim)}
+    said = {word: text for word, text in ((EQUAL, WITHIN_MARGIN), (NOISE, WITHIN_NOISE)) if word in words}
+    has_interval = any(re.search(r" \[[^]]+, [^]]+\] \(", str(claim.get("summary", ""))) for claim in claims)
+    return said | ({"[low, high]": INTERVAL} if has_interval else {})
 
 
 def explain_table(rows: Sequence[Mapping[str, Any]], with_decided: bool = True) -> dict[str, str]:

@@ -10,32 +10,34 @@ import numpy as np
 import pandas
 
 from glossbench.findings.comparisons import (
+    EQUAL,
     FAILS,
     HOLDS,
     NOISE,
     UNTESTED,
     Case,
     Row,
+    Side,
     finite,
-    inside,
     lower_case,
-    noise_of,
     ratio_case,
+    slope_case,
     value_case,
-    verdict_on,
 )
+from glossbench.findings.estimates import Estimate, Sample
 from glossbench.metrics import METRICS
 from glossbench.study.cell_index import CellIndex
 from glossbench.study.claim_names import meanings
 from glossbench.study.claims import (
     BUDGET,
     PLACES,
+    SEED,
     Claim,
     LowerClaim,
     RatioClaim,
-    Side,
     SlopeClaim,
     ValueClaim,
+    is_cost,
     method_of,
     methods_of,
     options_of,
@@ -43,15 +45,18 @@ from glossbench.study.claims import (
     places_of,
     sides_of,
 )
+from glossbench.study.claims import Side as Stated
 from glossbench.study.labels import as_text, identity, listed, names_of, number_in, parsed, stated
 
 
 def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
     """The verdict on each claim, with its numbers, as JSON types.
 
-    A case holds, does not hold, or, where a number is nearer to what it is compared with than twice the noise
-    of the reference, is within noise. A claim does not hold if one case does not; else it holds if one case
-    does; else it is within noise. Without a case it is not tested, and the summary says why.
+    A case holds, does not hold, or, where its 95 % interval contains what it is compared with, is within noise; a
+    claim of "lower" whose two sides differ by less than its margin is equal. Cells that differ in the seed of their
+    random points alone are one case, of their mean. A claim does not hold if one case does not; else it holds if one
+    case does; else it is equal if one case is; else it is within noise. Without a case it is not tested, and the
+    summary says why.
     """
     table = _Table(cells.to_dict("records"))
     return [table.judged(claim) for claim in claims]
@@ -88,31 +93,29 @@ class _Table:
         match claim:
             case LowerClaim():
                 quantity = f"{claim.metric} of {sides[0]} over {sides[1]}"
-                for a, b, where in self._pairs(claim, picked, notes):
-                    errors = abs(a[claim.metric]), abs(b[claim.metric])
-                    cases.append(lower_case(*errors, noise_of(a, b, claim.metric), where))
+                cases += [lower_case(claim, a, b, where) for a, b, where in self._pairs(claim, picked, notes)]
             case RatioClaim():
                 quantity = f"{claim.of} of {sides[0]} over {sides[1]}"
                 for a, b, where in self._pairs(claim, picked, notes):
-                    if b[claim.of] == 0:
+                    if b.value == 0:
                         notes[f"pairs whose divisor, {claim.of} of {sides[1]}, is zero"] += 1
                     else:
-                        cases.append(ratio_case(claim, a[claim.of], b[claim.of], noise_of(a, b, claim.of), where))
+                        cases.append(ratio_case(claim, a, b, where))
             case SlopeClaim():
                 quantity = f"slope of log {claim.metric} over log {claim.over}"
                 cases += self._slopes(claim, picked[0], notes)
             case ValueClaim():
                 quantity = f"{claim.of} of {sides[0]}"
-                varying = _varying(row["options"] for row in picked[0])
-                for a in picked[0]:
-                    where = _listed([self._place(a), _shown(a, varying)])
-                    cases.append(value_case(claim, a[claim.of], noise_of(a, a, claim.of), where))
-        verdict, summary = _concluded(cases, quantity, notes)
-        numbers = [{k: v for k, v in case._asdict().items() if k != "shown"} for case in cases]
+                rows = _over_seeds(picked[0])
+                varying = _varying(row["options"] for row in rows)
+                for row in rows:
+                    where = _listed([self._place(row), _shown(row, varying)])
+                    cases.append(value_case(claim, row["side"], where))
+        verdict, summary = _concluded(cases, quantity, notes, sides)
         judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict}
-        return {**judgement, "numbers": numbers, "summary": summary}
+        return {**judgement, "numbers": [case.as_numbers() for case in cases], "summary": summary}
 
-    def picked(self, claim: Claim, side: Side, notes: Counter[str]) -> list[Row]:
+    def picked(self, claim: Claim, side: Stated, notes: Counter[str]) -> list[Row]:
         """The finished cells of a side that a claim is about, the column of the claim being a number."""
         column = claim.metric if isinstance(claim, LowerClaim | SlopeClaim) else claim.of
         about = methods_of(claim)
@@ -128,18 +131,19 @@ class _Table:
             if value is None:
                 notes[f"cells without a finite {column}"] += 1
             else:
-                picked.append({**row, column: value})
+                picked.append({**row, column: value, "side": _side_of(row, column, value)})
+                notes["cells without a measured noise"] += not is_cost(column) and column not in row["left_out"]
         return picked
 
     def _pairs(
         self, claim: LowerClaim | RatioClaim, picked: list[list[Row]], notes: Counter[str]
-    ) -> Iterator[tuple[Row, Row, str]]:
+    ) -> Iterator[tuple[Side, Side, str]]:
         """Cells of both sides on one light, material and view, what a side states aside, at equal pairing options."""
-        first, second = picked
         shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in picked))
         budgets = {row["budget"] for rows in picked for row in rows}
         keys, places = pairing(claim, shared, budgets)
-        varying = [_varying(row["options"] for row in rows) for rows in picked]
+        first, second = ([*rows] if SEED in keys else _over_seeds(rows) for rows in picked)
+        varying = [_varying(row["options"] for row in rows) for rows in (first, second)]
         stated = [place for place in PLACES if place not in places]
         partners: dict[str, list[Row]] = {}
         for b in second:
@@ -157,7 +161,7 @@ class _Table:
                     ]
                 sides_told = [text or row["method"] for text, row in zip(told, (a, b), strict=True)]
                 against = " against ".join(sides_told) if any(told) else ""
-                yield a, b, _listed([self._place(a, places), _shown(a, keys), against])
+                yield a["side"], b["side"], _listed([self._place(a, places), _shown(a, keys), against])
 
     def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
         held = {"method": {key for row in rows for key in row["options"]}}
@@ -176,22 +180,19 @@ class _Table:
                 place = [identity(place, row, without[place]) for place in PLACES]
                 places.setdefault(json.dumps(place), []).append({**row, "over": budget})
         for members in places.values():
-            for group, own in _curves(members):
-                x = np.log([row["over"] for row in group])
+            for group, own in _curves(members if option == SEED else _over_seeds(members)):
+                x = [row["over"] for row in group]
                 if len(set(x)) < 3:
                     notes["curves of fewer than 3 points"] += 1
                     continue
-                y = np.log([abs(row[claim.metric]) for row in group])
-                slope = float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
-                verdict = verdict_on(inside(slope, claim.between), [], 0.0)
                 called = [names[place][identity(place, group[0], without[place])] for place in PLACES]
-                yield Case(_listed([*called, own]), slope, None, list(claim.between), 0.0, verdict, slope)
+                yield slope_case(claim, x, [row["side"] for row in group], _listed([*called, own]))
 
     def _place(self, row: Row, places: Collection[str] = PLACES) -> str:
         return _listed([self._names[place][identity(place, row)] for place in PLACES if place in places])
 
 
-def _spelled(side: Side) -> str:
+def _spelled(side: Stated) -> str:
     told = listed(options_of(side) | places_of(side))
     return f"{method_of(side)} ({told})" if told else method_of(side)
 
@@ -220,6 +221,29 @@ def _key(row: Row, options: Collection[str], places: Collection[str] = PLACES) -
     return json.dumps([about, values], sort_keys=True)
 
 
+def _side_of(row: Row, column: str, value: float) -> Side:
+    """One cell as a side of a comparison."""
+    seed = row["options"].get(SEED) if row.get("is_random") else None
+    return Side(value, [Sample(row["left_out"].get(column) or [value], str(row.get("reference_key")), seed)])
+
+
+def _over_seeds(rows: Iterable[Row]) -> list[Row]:
+    """Rows of which those that differ in the seed of their random points alone are one, with a side of them all."""
+    alike: dict[str, list[Row]] = {}
+    for row in rows:
+        options = {key: value for key, value in row["options"].items() if key != SEED or not row.get("is_random")}
+        alike.setdefault(_key({**row, "options": options}, sorted(options)), []).append(row)
+    found = []
+    for same in alike.values():
+        if len(same) > 1:
+            samples = [sample for row in same for sample in row["side"].samples]
+            options = {key: value for key, value in same[0]["options"].items() if key != SEED}
+            side = Side(float(np.mean([row["side"].value for row in same])), samples)
+            same = [{**same[0], "options": options, "side": side}]
+        found += same
+    return found
+
+
 def _curves(rows: list[Row]) -> list[tuple[list[Row], str]]:
     """Rows of one place as curves with one point for each value of what the claim is over.
 
@@ -240,7 +264,7 @@ def _curves(rows: list[Row]) -> list[tuple[list[Row], str]]:
     return curves
 
 
-def _concluded(cases: list[Case], quantity: str, notes: Counter[str]) -> tuple[str, str]:
+def _concluded(cases: list[Case], quantity: str, notes: Counter[str], sides: Sequence[str]) -> tuple[str, str]:
     """The verdict on a claim and a sentence with the counts and the extreme numbers."""
     failed = notes.pop("cells failed", 0) if cases else 0
     left_out = "".join(f"; {what}: {count}" for what, count in sorted(notes.items()) if count)
@@ -248,11 +272,31 @@ def _concluded(cases: list[Case], quantity: str, notes: Counter[str]) -> tuple[s
         why = left_out.removeprefix("; ") or "the run has no cell that it is about"
         return UNTESTED, f"Not tested: {why}."
     count = Counter(case.verdict for case in cases)
-    verdict = next(v for v in (FAILS, HOLDS, NOISE) if count[v])
-    noise = f", {count[NOISE]} within noise" if count[NOISE] else ""
-    low, high = (pick(cases, key=lambda case: case.shown) for pick in (min, max))
-    span = f"{low.shown:.4g} ({low.where})"
+    verdict = next(v for v in (FAILS, HOLDS, EQUAL, NOISE) if count[v])
+    others = "".join(f", {count[word]} {word}" for word in (EQUAL, NOISE) if count[word])
+    low, high = (pick(cases, key=lambda case: case.found.value) for pick in (min, max))
+    span = f"{_number(low.found)} ({low.where})"
     if len(cases) > 1:
-        span = f"from {span} to {high.shown:.4g} ({high.where})"
+        span = f"from {span} to {_number(high.found)} ({high.where})"
     first = f"Judged without {failed} of its cells, which failed. " if failed else ""
-    return verdict, f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{noise}; {quantity}: {span}{left_out}."
+    counted = f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{others}"
+    return verdict, f"{counted}; {quantity}: {span}{_seeds(cases, sides)}{left_out}."
+
+
+def _number(found: Estimate) -> str:
+    """A number and, where noise moves it, its 95 % interval."""
+    if not found.standard_error:
+        return f"{found.value:.4g}"
+    return "{:.4g} [{:.4g}, {:.4g}]".format(found.value, *found.interval)
+
+
+def _seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
+    """How many seeds of random points stand behind each side; nothing where no points are random."""
+    told, least = [], 2
+    for side, numbers in zip(sides, zip(*(case.seeds for case in cases), strict=True), strict=True):
+        low, high = min(numbers), max(numbers)
+        if high:
+            told.append(f"{high if low == high else f'{low} to {high}'} of {side}")
+            least = min(least, low or 1)
+    unknown = " (one alone does not tell its spread)" if least == 1 else ""
+    return f"; seeds: {', '.join(told)}{unknown}" if told else ""

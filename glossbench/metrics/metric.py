@@ -46,6 +46,8 @@ class Metric(Options):
         map_formula: of the map, for one pixel; means over its channels.
         lower_is_better: for the absolute value of the number.
         signed: the map has both signs; otherwise it is at least 0, and 0 where nothing is wrong.
+        n_groups: how often the number is computed once more, each time against a reference without one group of its
+            replicates, for its standard error: 8, 4 or 2. Fewer are for a metric that takes seconds.
     """
 
     formula: ClassVar[str]
@@ -53,6 +55,7 @@ class Metric(Options):
     map_formula: ClassVar[str] = ""
     lower_is_better: ClassVar[bool] = True
     signed: ClassVar[bool] = False
+    n_groups: ClassVar[int] = 8
 
     @settled()
     def __call__(self, image: HasRadiance, truth: HasRadiance) -> float:

@@ -1,6 +1,6 @@
 """Metrics of what a viewer sees: images on a display, at exposures that the reference alone decides."""
 
-from math import ceil, log2, sqrt
+from math import ceil, log2
 from typing import Annotated, NamedTuple
 
 import flip_evaluator
@@ -8,11 +8,11 @@ import numpy as np
 import skimage
 from pydantic import Field
 
+from glossbench.channels import LUMINANCE
 from glossbench.metrics.metric import METRICS, Floats, Mask, Metric
 from glossbench.srgb import encoded
+from glossbench.tone import aces, where_aces_is
 
-# ACES(x) = (a x^2 + b x) / (c x^2 + d x + e), the fit of Narkowicz 2015 without its pre-exposure of 0.6.
-A, B, C, D, E = 0.6**2 * 2.51, 0.6 * 0.03, 0.6**2 * 2.43, 0.6 * 0.59, 0.14
 BRIGHT = 0.85  # where the first exposure puts the brightest pixel, and the last the median
 WINDOW = 5  # pixels from the centre of a window to its edge
 
@@ -34,12 +34,11 @@ def exposures(y: Floats, mask: Mask) -> Exposures:
     Source: Andersson et al. 2021 section 3. Differs: over masked pixels, as a black background would move the median;
     where that is 0, over those above 0; a black reference is looked at as it is.
     """
-    luminance = y[mask] @ np.array([0.2126, 0.7152, 0.0722])
+    luminance = y[mask] @ np.array(LUMINANCE)
     seen = luminance[luminance > 0]
     if not seen.size:
         return Exposures(0.0, 0.0, 2)
-    a, b, c = A - BRIGHT * C, B - BRIGHT * D, -BRIGHT * E
-    x = (-b + sqrt(b * b - 4 * a * c)) / (2 * a)
+    x = where_aces_is(BRIGHT)
     median = np.median(luminance)
     start, stop = log2(x / seen.max()), log2(x / (median if median > 0 else np.median(seen)))
     return Exposures(start, stop, max(2, ceil(stop - start)))
@@ -47,8 +46,7 @@ def exposures(y: Floats, mask: Mask) -> Exposures:
 
 def displayed(image: Floats, stops: float) -> Floats:
     """An image on a display, in [0, 1]: exposed, through the ACES curve and the sRGB curve; below 0 is black."""
-    x = np.clip(2**stops * image, 0, 1e6)
-    return encoded(np.clip((A * x + B) * x / ((C * x + D) * x + E), 0, 1))
+    return encoded(aces(np.clip(2**stops * image, 0, 1e6)))
 
 
 @METRICS.register("flip")
@@ -69,6 +67,7 @@ class FLIP(Metric):
     formula = "mean of HDR-FLIP(x, y), of both on a display"
     unit = "1"
     map_formula = "HDR-FLIP(x, y)"
+    n_groups = 4
 
     def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
         """The FLIP map."""

@@ -1,1 +1,211 @@
-"""What several methods share."""
+"""What methods are made of: the one module of glossbench that a method imports.
+
+It hands on by name what the rooms below offer to methods, and what several methods share and this room holds: stages,
+shadows, median cut, cosine lobes, the lighting function. The files of this room import each other and the rooms below
+(truth, shading, metrics, scene, brdf, envmap, process, catalog, and the loose files), never this list.
+"""
+
+from glossbench.brdf.lobe import Lobe
+from glossbench.brdf.material import Material, Reflectance
+from glossbench.channels import LUMINANCE, Channels, merge_channels, widen
+from glossbench.directions import (
+    PointSet,
+    Vec3,
+    cosine_hemisphere,
+    cross,
+    dot,
+    half_vector,
+    normalize,
+    points_2d,
+    reflect,
+    scale,
+    spherical,
+    stack,
+    to_local,
+    to_world,
+    vec3,
+)
+from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates, texel_directions, texel_solid_angles
+from glossbench.envmap.harmonics import project, sh_basis
+from glossbench.envmap.importance import luminance_distribution
+from glossbench.envmap.projections.conversion import from_cubemap
+from glossbench.envmap.projections.resampling import bilinear
+from glossbench.envmap.pyramid import (
+    Environment,
+    MipFilter,
+    Pyramid,
+    Taps,
+    build_pyramid,
+    finest,
+    halve,
+    lookup,
+    weighted_radiance,
+)
+from glossbench.errors import InputError
+from glossbench.factorization import (
+    FactorMap,
+    Floats,
+    Solver,
+    average_start,
+    factorize,
+    grid_laplacian,
+    grid_rows,
+    neighbour_laplacian,
+    weight_rows,
+)
+from glossbench.options import Color, Finite, Fraction, NonNegative, Resolution, Seed
+from glossbench.prefilter.cosine_lobes.calibration import (
+    N_ANGLES,
+    N_AZIMUTHS,
+    REACH,
+    LobeLevels,
+    Volume,
+    calibrate,
+    match_levels,
+)
+from glossbench.prefilter.cosine_lobes.lighting import Energy, Maps, lobe_radiance, lobe_sums, n_lookups, no_lobe_sums
+from glossbench.prefilter.cosine_lobes.lobe_sum import LobeSum
+from glossbench.prefilter.cosine_lobes.pyramid import (
+    LOBE_FILTERS,
+    TEXEL_BYTES,
+    LobeFilter,
+    PartialMaps,
+    build_partial_maps,
+    cube_bytes,
+    window_taps,
+)
+from glossbench.prefilter.diffuse import diffuse_radiance, visible_diffuse
+from glossbench.prefilter.light_shadows import NoShadows, Shadows, Visibility, no_shadows, shadows
+from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
+from glossbench.prefilter.median_cut import Partition, median_cut, whole
+from glossbench.prefilter.stages import irradiance, pyramid
+from glossbench.scene.points import Occluder, ShadingPoints, View
+from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
+from glossbench.shading.kernels import PerPoint, over_points
+from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.truth.reference import estimates
+
+__all__ = [
+    # The interface: what a method is, and how it registers.
+    "Contract",
+    "InputError",
+    "METHODS",
+    "Method",
+    "stage",
+    # Types of options: bounds that hold in YAML, in Python and on the command line.
+    "Color",
+    "Finite",
+    "Fraction",
+    "NonNegative",
+    "Resolution",
+    "Seed",
+    # Directions as components, and points of the unit square.
+    "PointSet",
+    "Vec3",
+    "cosine_hemisphere",
+    "cross",
+    "dot",
+    "half_vector",
+    "normalize",
+    "points_2d",
+    "reflect",
+    "scale",
+    "spherical",
+    "stack",
+    "to_local",
+    "to_world",
+    "vec3",
+    # The light: a cube map, its texels and what is known of them.
+    "CubeMap",
+    "bilinear",
+    "bordered",
+    "face_coordinates",
+    "from_cubemap",
+    "luminance_distribution",
+    "project",
+    "sh_basis",
+    "texel_directions",
+    "texel_solid_angles",
+    # The filtered light: pyramids, and how they are looked up.
+    "Environment",
+    "MipFilter",
+    "Pyramid",
+    "Taps",
+    "build_pyramid",
+    "finest",
+    "halve",
+    "lookup",
+    "weighted_radiance",
+    # The material: a sum of lobes and a diffuse part, by channel.
+    "Channels",
+    "LUMINANCE",
+    "Lobe",
+    "Material",
+    "Reflectance",
+    "merge_channels",
+    "widen",
+    # The scene: the points to shade, and what hides light from them.
+    "Occluder",
+    "ShadingPoints",
+    "View",
+    "occluder_of",
+    "pair_points",
+    "tangent",
+    "unhidden",
+    "valid_pairs",
+    # Kernels: pure functions of points, run over all points.
+    "PerPoint",
+    "over_points",
+    # Stages that methods share, and the diffuse part.
+    "diffuse_radiance",
+    "irradiance",
+    "pyramid",
+    "visible_diffuse",
+    # Regions of the light, and their shadows.
+    "NoShadows",
+    "Partition",
+    "Shadows",
+    "Visibility",
+    "median_cut",
+    "no_shadows",
+    "shadows",
+    "whole",
+    # Maps filtered into cosine lobes, one for each region.
+    "Energy",
+    "LOBE_FILTERS",
+    "LobeFilter",
+    "LobeLevels",
+    "LobeSum",
+    "Maps",
+    "N_ANGLES",
+    "N_AZIMUTHS",
+    "PartialMaps",
+    "REACH",
+    "TEXEL_BYTES",
+    "Volume",
+    "build_partial_maps",
+    "calibrate",
+    "cube_bytes",
+    "lobe_radiance",
+    "lobe_sums",
+    "match_levels",
+    "n_lookups",
+    "no_lobe_sums",
+    "window_taps",
+    # The lighting function of a virtual cube, its factorization, and estimates of the truth.
+    "FactorMap",
+    "Floats",
+    "LightingSamples",
+    "Solver",
+    "TexelWeight",
+    "anisotropy",
+    "average_start",
+    "estimates",
+    "factorize",
+    "grid_laplacian",
+    "grid_rows",
+    "neighbour_laplacian",
+    "sample_lighting_function",
+    "weight_rows",
+]

@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from glossbench.channels import LUMINANCE
 from glossbench.directions import Vec3, normalize, stack, vec3
 from glossbench.envmap.cubemap import CubeMap, texel_directions, texel_solid_angles
-from glossbench.envmap.importance import LUMINANCE
 from glossbench.errors import InputError
 
 Box = tuple[int, int, int, int]  # rows [top, bottom), columns [left, right)

@@ -90,11 +90,12 @@ def _put_device(before: torch.device) -> None:
 
 def _modes() -> tuple[int, int]:
     """How many blocks the process is in that see all that torch computes, and may change it."""
-    return overrides._len_torch_function_stack(), len(_python_dispatch._get_current_dispatch_mode_stack())
+    return torch._C._len_torch_function_stack(), len(_python_dispatch._get_current_dispatch_mode_stack())
 
 
 def _put_modes(before: tuple[int, int]) -> None:
-    for pop, n in zip((overrides._pop_mode, _python_dispatch._pop_mode), map(sub, _modes(), before), strict=True):
+    pops: tuple[Callable[[], Any], ...] = overrides._pop_mode, _python_dispatch._pop_mode
+    for pop, n in zip(pops, map(sub, _modes(), before), strict=True):
         for _ in range(n):
             pop()
 

@@ -61,16 +61,21 @@ class Sources:
     def of(self, cell: Cell) -> dict[str, Any]:
         """By kind the hash of the classes of a cell, those of the metrics by name."""
         light, material, view, method = map(self._hash, _classes(cell))
-        metrics = [[name, self._hash(METRICS.get(name))] for name in self._metrics]
+        metrics = [[name, self._hash(METRICS.get(name))] for name in self._metrics_of(cell)]
         return {"light": light, "material": material, "view": view, "method": method, "metrics": metrics}
 
     def any_foreign(self, cell: Cell) -> bool:
         """Whether plug-ins take part in a cell."""
-        return any(map(is_foreign, [*_classes(cell), *map(METRICS.get, self._metrics)]))
+        return any(map(is_foreign, [*_classes(cell), *map(METRICS.get, self._metrics_of(cell))]))
 
     def foreign_inputs(self, cell: Cell) -> bool:
         """Whether the light, material or view is a plug-in's."""
         return any(map(is_foreign, _classes(cell)[:3]))
+
+    def _metrics_of(self, cell: Cell) -> tuple[str, ...]:
+        """The study's metrics, rms, which is always measured, and that by which the cell is tuned."""
+        tune = cell.method.tune
+        return tuple(dict.fromkeys([*self._metrics, "rms", *([tune.metric] if tune else [])]))
 
     def _hash(self, cls: type) -> str:
         if cls not in self._known:

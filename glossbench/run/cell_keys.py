@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from glossbench.brdf.material import MATERIALS
 from glossbench.errors import InputError
-from glossbench.provenance import numerics_hash
+from glossbench.provenance import code_hash
 from glossbench.registry import Registry
 from glossbench.run.attempts import OUR_TRIES, TRIES, Attempt
 from glossbench.run.cell_items import Made, Sources
@@ -56,8 +56,8 @@ class CellKeys:
         guard: Callable[[Cell, str], AbstractContextManager[None]],
     ) -> None:  # fmt: skip
         self.sources = Sources(study.metrics)
-        self.code = numerics_hash()
-        self._common = [self.code, study.reference.model_dump(), study.device]
+        self.code = code_hash("glossbench.run.measuring")  # the tuning, shading and metrics that it calls among it
+        self._common = [code_hash("glossbench.truth.reference"), study.reference.model_dump(), study.device]
         self._results, self._lights, self._guard = results, lights, guard
         self._marks = results.folder / "begun"
         self._known: dict[int, str] = {}
@@ -70,7 +70,7 @@ class CellKeys:
         """
         sources, is_foreign = self.sources.of(cell), self.sources.any_foreign(cell)
         items = {kind: [getattr(cell, kind).name, getattr(cell, kind).spelled()] for kind in (*PLACES, "method")}
-        spelled = key_of([self._common, sources, items])
+        spelled = key_of([self.code, self._common, sources, items])
         is_there = self._results.has_cell(spelled) and not self._results.damage_of_cell(spelled)
         if is_there and not again:
             return Identity(spelled, spelled)
@@ -94,7 +94,7 @@ class CellKeys:
             attempt.end()
         stated = [[*items[kind], key] for kind, key in zip(("material", "view", "method"), keys, strict=True)]
         reference_key = key_of([self._common, light_key, *(sources[place] for place in PLACES), *stated[:2]])
-        key = key_of([reference_key, stated[2], sources["method"], sources["metrics"]])
+        key = key_of([reference_key, self.code, stated[2], sources["method"], sources["metrics"]])
         return Identity(key, spelled, reference_key, keys, ended=tried.ended)
 
     def _keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:

@@ -144,7 +144,7 @@ class Executor:
         record = replace(
             record, notes=notes, reference_noise=truth.noise, reference_peak_noise=float(truth.standard_error.max()),
             reference_target=self.study.reference.relative_error * truth.mean, reference_mean=truth.mean,
-            reference_samples=truth.n_samples, at_noise_floor=bool(record.metrics["rms"] < 2 * truth.noise),
+            reference_samples=truth.n_samples,
             reference_seconds=self.results.reference_numbers(record.reference_key)["seconds"],
         )  # fmt: skip
         return record, image, half_vectors
@@ -187,6 +187,7 @@ class Executor:
             torch.from_numpy(self.results.standard_error(key).astype(np.float64)),
             torch.from_numpy(self.results.mask(key)),
             int(self.results.reference_numbers(key)["n_samples"]),
+            torch.from_numpy(self.results.deviates(key)),
         )
         self._truth = (key, stored)
         return stored

@@ -18,6 +18,7 @@ from glossbench.shading.method import Image, Method, budget_of, shade
 from glossbench.shading.outputs import number_of, pattern_of
 from glossbench.shading.stage_cache import StageCache
 from glossbench.study.cells import Tune
+from glossbench.truth.jackknife import unbiased
 from glossbench.truth.reference import Reference
 
 
@@ -45,12 +46,17 @@ def measure(
         MethodError: as `shade`; or a metric is no number, or the method wrote into a stage that others read.
     """
     tuned: dict[str, float] = {}
-    recorded = replace(truth, radiance=view.recorded(truth.radiance))
 
-    def metric_of(name: str, image: Image) -> float:
+    def metric_of(name: str, image: Image, reference: Reference = truth) -> float:
+        seen, recorded = (replace(each, radiance=view.recorded(each.radiance)) for each in (image, reference))
         with guarded(METRICS.get(name)):
-            value = METRICS.create(name, {})(replace(image, radiance=view.recorded(image.radiance)), recorded)
+            value = METRICS.create(name, {})(seen, recorded)
         return number_of(name, value)
+
+    def with_left_out(name: str, image: Image) -> list[float]:
+        """A metric against the reference, and against it without each group; alone if any of these is infinite."""
+        values = [metric_of(name, image, each) for each in (truth, *truth.left_out(METRICS.get(name).n_groups))]
+        return values if np.isfinite(values).all() else values[:1]
 
     def shaded(candidate: Method, time_it: bool) -> Image:
         with guarded(type(candidate)):
@@ -69,10 +75,13 @@ def measure(
     with guarded(type(method)):
         half_vectors = pattern_of(method.name, method.half_vectors(material))
     cache.check(method.name)
+    compared = {name: with_left_out(name, image) for name in dict.fromkeys([*metrics, "rms"])}
     costs = image.costs
     record = replace(
         record, tuned=tuned, options=method.as_dict(),
-        metrics={name: metric_of(name, image) for name in dict.fromkeys([*metrics, "rms"])},
+        metrics={name: unbiased(values) for name, values in compared.items()},
+        left_out={name: values for name, values in compared.items() if len(values) > 1},
+        at_noise_floor=compared["rms"][0] < 2 * truth.noise, is_random=bool(method.is_random),
         n_samples=costs.n_samples, budget=budget_of(type(method)), state_bytes=costs.state_bytes,
         stage_seconds=dict(costs.stage_seconds), update_seconds=dict(costs.update_seconds),
         shade_seconds=costs.shade.median, shade_seconds_low=costs.shade.low, shade_seconds_high=costs.shade.high,

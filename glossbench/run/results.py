@@ -10,7 +10,8 @@ cells/KEY.json      the row of one cell, with checksums of itself and of its fil
 begun/KEY.begun     a mark while a cell is under way: how often the process ended in it
 images/KEY.exr      its image; KEY_half_vectors.npy the pattern and KEY_state_NAME.exr pictures of its state, where a
                     method has them; KEY_flip_N.npz a FLIP map, once a page was made, of N x N pixels averaged
-references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_mask.png its pixels, KEY.json its numbers
+references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_deviates.npz what its groups of replicates
+                    deviate by, KEY_mask.png its pixels, KEY.json its numbers
 """
 
 import hashlib
@@ -185,8 +186,11 @@ class Results:
         written = [
             self._write_image(f"references/{key}.exr", truth.radiance),
             self._write_image(f"references/{key}_standard_error.exr", truth.standard_error),
+            f"references/{key}_deviates.npz",
             f"references/{key}_mask.png",
         ]
+        with replacing(self.disk.path(written[2])) as part, part.open("wb") as file:
+            np.savez_compressed(file, deviates=truth.deviates.numpy())
         with replacing(self.disk.path(written[-1])) as part:
             Picture.fromarray(truth.mask.numpy().astype(np.uint8) * 255).save(part, format="PNG")
         self.disk.write_with(f"references/{key}.json", {"n_samples": truth.n_samples, "seconds": seconds}, written)
@@ -276,6 +280,11 @@ class Results:
     def standard_error(self, key: str) -> NDArray[np.float32]:
         """Standard error (H, W, 3) of a reference."""
         return self._pixels(f"references/{key}_standard_error.exr")
+
+    def deviates(self, key: str) -> NDArray[np.float16]:
+        """What each group of replicates of a reference deviates by (G, H, W, 3), in standard errors."""
+        with self.disk.path(f"references/{key}_deviates.npz").open("rb") as file, np.load(file) as stored:
+            return np.asarray(stored["deviates"])
 
     def mask(self, key: str) -> NDArray[np.bool_]:
         """Pixels (H, W) of a reference that show the surface."""

@@ -64,7 +64,7 @@ def run_study(
     _read_files(study, executor.lights)
     _check_own_study(study, results)
     results.create()
-    started = datetime.now(UTC)
+    started, source = datetime.now(UTC), executor.keys.code
     rows: dict[int, dict[str, Any]] = {}
     running = children()
     try:
@@ -73,7 +73,7 @@ def run_study(
             {"key": each.key, "light_options": cell.light.json, "seed": study.seed}
             for cell, each in zip(cells, known, strict=True)
         ]
-        if kept := results.begin(study.resolved(), entries, provenance(study.device, started)):
+        if kept := results.begin(study.resolved(), entries, provenance(study.device, started, source)):
             progress.note(kept)
         progress.begin(len(cells))
         for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # what may end the process, last
@@ -86,7 +86,7 @@ def run_study(
         study.resolved(),
         judge(study.claims, pandas.DataFrame(in_order)),
         in_order,
-        provenance(study.device, started, {name: origin(name) for name in study.plugins}),
+        provenance(study.device, started, source, {name: origin(name) for name in study.plugins}),
     )
     return results
 

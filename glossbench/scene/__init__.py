@@ -1,1 +1,4 @@
-"""What is shaded: views and the shading points that they see."""
+"""What is shaded: views and the shading points that they see.
+
+It imports envmap, process, catalog and the loose files.
+"""

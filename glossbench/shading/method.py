@@ -8,7 +8,7 @@ methods and budgets, and what must be redone when the light, the material, the g
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import torch
 from torch import Tensor
@@ -30,16 +30,22 @@ INPUTS = ("light", "material", "scene", "view")
 CHANGES = {"light": "light", "material": "material", "geometry": "scene", "view": "view"}
 
 
-class Stage:
-    """One step of precomputation: a function (self, *inputs) of a method. The same Stage may serve several methods."""
+T = TypeVar("T")
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+
+class Stage(Generic[T]):
+    """One step of precomputation: a function (self, *inputs) -> T of a method.
+
+    The same Stage may serve several methods.
+    """
+
+    def __init__(self, function: Callable[..., T]) -> None:
         self.function = function
         self.needs = tuple(inspect.signature(function).parameters)[1:]
         self.__doc__ = function.__doc__
 
 
-def stage(function: Callable[..., Any]) -> Any:
+def stage(function: Callable[..., T]) -> Stage[T]:
     """Decorator: this function of a method is a stage; its parameter names say what it depends on."""
     return Stage(function)
 
@@ -82,6 +88,11 @@ class Method(Options):
     equation: ClassVar[str] = ""
     contract: ClassVar[Contract] = Contract()
 
+    @property
+    def is_random(self) -> bool:
+        """Whether its option `seed` moves what it shows; by default where it has one."""
+        return "seed" in option_names(type(self))
+
     def supports(self, material: Material, scene: Any) -> str | None:
         """Why this method cannot show this material on this scene; None when it can."""
         return None
@@ -109,13 +120,13 @@ def budget_of(method: type[Method]) -> str:
 METHODS: Registry[Method] = Registry("method", "glossbench.methods", "glossbench.methods", kind_in_catalog)
 
 
-def stated_stages(method: type[Method]) -> dict[str, Stage]:
+def stated_stages(method: type[Method]) -> dict[str, Stage[Any]]:
     """The stages of a method in the order of its source."""
     members = {name: value for cls in reversed(method.__mro__) for name, value in vars(cls).items()}
     return {name: value for name, value in members.items() if isinstance(value, Stage)}
 
 
-def stages_of(method: type[Method]) -> dict[str, Stage]:
+def stages_of(method: type[Method]) -> dict[str, Stage[Any]]:
     """The stages of a method in the order in which they must run; InputError for a parameter that nothing provides."""
     pending = stated_stages(method)
     if not hasattr(method, "shade"):
@@ -126,7 +137,7 @@ def stages_of(method: type[Method]) -> dict[str, Stage]:
         for needed in user.needs:
             if needed not in known | ({"points"} if name == "shade" else set()):
                 raise InputError(f"{method.__name__}.{name} asks for {needed!r}: no input and no stage has that name")
-    order: dict[str, Stage] = {}
+    order: dict[str, Stage[Any]] = {}
     while pending:
         ready = [name for name, value in pending.items() if all(n in order or n in INPUTS for n in value.needs)]
         if not ready:
@@ -136,7 +147,7 @@ def stages_of(method: type[Method]) -> dict[str, Stage]:
     return order
 
 
-def dependencies(stages: Mapping[str, Stage]) -> dict[str, frozenset[str]]:
+def dependencies(stages: Mapping[str, Stage[Any]]) -> dict[str, frozenset[str]]:
     """The inputs that each stage depends on, itself or through earlier stages."""
     found: dict[str, frozenset[str]] = {}
     for name, value in stages.items():

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from glossbench.digests import digest_of
@@ -45,7 +45,7 @@ class StageCache:
     """
 
     def __init__(self, tell: Callable[[str], None] = lambda text: None, limit: int = LIMIT) -> None:
-        self._entries: dict[Hashable, list[tuple[dict[str, Any], Prepared]]] = {}
+        self._entries: dict[Hashable, list[tuple[Read, Prepared]]] = {}
         self._tell = tell  # which stage is under way
         self._limit = limit
         self._turn = 0
@@ -71,25 +71,25 @@ class StageCache:
         """
         known = (stage, tuple(map(_hashable, keys)))
         entries = self._entries.setdefault(known, [])
-        found = next((entry for entry in entries if _agrees(entry[0], method)), None)
+        found = next((entry for entry in entries if entry[0].agrees(method)), None)
         if found is not None and not self._is_intact(found[1]):
             entries.remove(found)
             found = None
         if found is not None and (found[1].warm or patience == 0):
             found[1].used = self._turn
             return found[1]
-        recorder = Recorder(method)
+        read = Read()
         self._tell(f"{method.name}: {stage.__name__}")
         with unwritten(f"{method.name}.{stage.__name__}", inputs):
-            value, timing = timed(lambda: stage(recorder, **inputs), device, patience)
+            value, timing = timed(lambda: stage(Recorder(method, read), **inputs), device, patience)
         if found is not None:  # made while tuning: its value stays, which others may be made of
             prepared = found[1]
             prepared.seconds, prepared.warm = timing.median, True
         else:
-            read = tuple((name, type(v), _hashable(v)) for name, v in sorted(recorder.read.items()))
-            key = (*known, read)
-            prepared = Prepared(value, key, timing.median, n_bytes(value), patience > 0, digest_of(value))
-            entries.append((recorder.read, prepared))
+            prepared = Prepared(
+                value, (*known, read.key()), timing.median, n_bytes(value), patience > 0, digest_of(value)
+            )
+            entries.append((read, prepared))
             self._trusted[id(prepared)] = prepared
         prepared.used = self._turn
         self._drop()
@@ -148,29 +148,55 @@ def _hashable(value: Any) -> Hashable:
     return known
 
 
-def _agrees(read: Mapping[str, Any], method: Options) -> bool:
-    """Whether a method has the values of options that a stage read."""
-    values = {option: getattr(method, option, None) for option in read}
-    return all(type(values[option]) is type(value) and values[option] == value for option, value in read.items())
+@dataclass
+class Read:
+    """The options that a stage read, by name.
+
+    Attributes:
+        values: what the stage got; None where the method has no such option.
+        defaults: what the stage takes where a method has no such option, see `option_of`.
+    """
+
+    values: dict[str, Any] = field(default_factory=dict)
+    defaults: dict[str, Any] = field(default_factory=dict)
+
+    def agrees(self, method: Options) -> bool:
+        """Whether the stage would read the same from this method."""
+        found = {option: getattr(method, option, self.defaults.get(option)) for option in self.values}
+        return all(type(found[option]) is type(v) and found[option] == v for option, v in self.values.items())
+
+    def key(self) -> tuple[Hashable, ...]:
+        """The names, types and values."""
+        return tuple((name, type(value), _hashable(value)) for name, value in sorted(self.values.items()))
+
+
+def option_of(method: Any, option: str, default: Any) -> Any:
+    """An option of the method that a stage runs for, or a default where the method has no such option.
+
+    Methods that have the default, and those that have no such option, then share the value of the stage.
+    """
+    if isinstance(method, Recorder):
+        method._read.defaults[option] = default
+    return getattr(method, option, default)
 
 
 class Recorder:
-    """Stands for a method while a stage runs, and notes the options that it reads."""
+    """Stands for a method while a stage runs, and notes the options that the stage reads."""
 
-    def __init__(self, method: Options) -> None:
-        self._method = method
-        self.read: dict[str, Any] = {}
+    def __init__(self, method: Options, read: Read) -> None:
+        self._method, self._read = method, read
 
     def __getattr__(self, name: str) -> Any:
+        values = self._read.values
         if not hasattr(self._method, name):
-            self.read[name] = None  # the stage may go by that: a method that has the option must not get its value
+            values[name] = self._read.defaults.get(name)  # a method that has another value must not share the stage's
             raise AttributeError(f"{type(self._method).__name__} has no option {name!r}")
         value = getattr(self._method, name)
         if callable(value):  # a helper may read any option, and another class may have another helper
-            self.read["__class__"] = type(self._method)
-            self.read |= {f.name: getattr(self._method, f.name) for f in dataclasses.fields(self._method)}  # type: ignore[arg-type]
+            values["__class__"] = type(self._method)
+            values |= {f.name: getattr(self._method, f.name) for f in dataclasses.fields(self._method)}  # type: ignore[arg-type]
         else:
-            self.read[name] = value
+            values[name] = value
         return value
 
 

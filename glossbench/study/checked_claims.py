@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from glossbench.errors import nearest
 from glossbench.shading.method import CHANGES, METHODS, stated_stages
 from glossbench.study.cell_index import CellIndex, Mask
+from glossbench.study.cells import Item, MethodItem
 from glossbench.study.claim_names import unknown_name, unknown_place
 from glossbench.study.claims import (
     COLUMNS,
@@ -24,15 +25,33 @@ from glossbench.study.claims import (
 )
 from glossbench.study.document import Document, KeyPath, path_text
 
-if TYPE_CHECKING:
-    from glossbench.study.study import Study
-
 MAX_VALUES = 8  # that a message lists
 LARGER = ("higher", "greater", "larger", "more", "above", "worse")
-OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by")
+OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by", "margin")
 
 
-def checked_exclude(document: Document, study: "Study", any_light: bool) -> tuple[dict[str, Any], ...]:
+class Combined(Protocol):
+    """What exclusions and claims are checked against: the items of a study, and all combinations of them."""
+
+    @property
+    def lights(self) -> tuple[Item, ...]: ...
+    @property
+    def materials(self) -> tuple[Item, ...]: ...
+    @property
+    def views(self) -> tuple[Item, ...]: ...
+    @property
+    def methods(self) -> tuple[MethodItem, ...]: ...
+    @property
+    def metrics(self) -> tuple[str, ...]: ...
+    @property
+    def exclude(self) -> tuple[dict[str, Any], ...]: ...
+    @property
+    def index(self) -> CellIndex: ...
+    @property
+    def kept(self) -> Mask: ...
+
+
+def checked_exclude(document: Document, study: Combined, any_light: bool) -> tuple[dict[str, Any], ...]:
     """The exclusions that leave out a cell; InputError for one that does not, or that has an unknown key.
 
     Args:
@@ -67,7 +86,7 @@ def checked_exclude(document: Document, study: "Study", any_light: bool) -> tupl
     return tuple(kept)
 
 
-def checked_claims(document: Document, study: "Study", any_light: bool) -> tuple[Claim, ...]:
+def checked_claims(document: Document, study: Combined, any_light: bool) -> tuple[Claim, ...]:
     """The claims; InputError for one that is wrong, or that no cell of one of its sides is about."""
     methods: dict[str, set[str]] = {}
     for item in study.methods:
@@ -109,7 +128,7 @@ def _instead_of(entry: Any) -> str:
     return "; that a column of one method has a value is written value: METHOD, of: COLUMN" if is_value else ""
 
 
-def _check_where(document: Document, study: "Study", claims: list[Claim], any_light: bool) -> None:
+def _check_where(document: Document, study: Combined, claims: list[Claim], any_light: bool) -> None:
     """InputError for a claim that no cell of one of its sides is about."""
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
@@ -133,12 +152,12 @@ def _check_where(document: Document, study: "Study", claims: list[Claim], any_li
             raise document.error(path, f"{path_text(path)} fits no cell of {name}{_held(index, own, keys)}")
 
 
-def places_in(study: "Study") -> dict[str, Any]:
+def places_in(study: Combined) -> dict[str, Any]:
     """The study's lights, materials and views."""
     return {"light": study.lights, "material": study.materials, "view": study.views}
 
 
-def _names(study: "Study", any_light: bool) -> dict[str, set[str]]:
+def _names(study: Combined, any_light: bool) -> dict[str, set[str]]:
     """What the study's lights, materials and views answer to; any light may answer to anything."""
     return {
         place: {name for item in items for name in called(item.name, item.options)}

@@ -1,8 +1,10 @@
 """How many cells of a study, or pairs of them, each of its claims is about: what can be said before it runs."""
 
+import json
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glossbench.shading.method import METHODS
 from glossbench.study.cell_index import CellIndex, Mask
@@ -10,6 +12,8 @@ from glossbench.study.checked_claims import places_in
 from glossbench.study.claim_names import meanings
 from glossbench.study.claims import (
     BUDGET,
+    PLACES,
+    SEED,
     Claim,
     LowerClaim,
     RatioClaim,
@@ -40,13 +44,15 @@ def counts(study: "Study") -> list[Count]:
     options: dict[str, set[str]] = {}
     for item in study.methods:
         options.setdefault(item.name, set()).update(item.options)
+    twins = _twins(study)
     parameters = {place: {key for item in items for key in item.options} for place, items in places_in(study).items()}
-    return [_count(claim, index, kept, options, parameters) for claim in study.claims]
+    return [_count(claim, index, kept, options, parameters, twins) for claim in study.claims]
 
 
 def _count(
-    claim: Claim, index: CellIndex, kept: Mask, options: dict[str, set[str]], parameters: dict[str, set[str]]
-) -> Count:
+    claim: Claim, index: CellIndex, kept: Mask, options: dict[str, set[str]], parameters: dict[str, set[str]],
+    twins: NDArray[np.intp],
+) -> Count:  # fmt: skip
     of_methods = set().union(*(options[name] for name in methods_of(claim)))
     within = kept & index.within(claim.where, of_methods)
     sides = []
@@ -58,6 +64,8 @@ def _count(
             shared = set.intersection(*(options[method_of(side)] for side in sides_of(claim).values()))
             budgets = {name: budget[0] if (budget := METHODS.get(name).contract.budget) else "" for name in options}
             keys, places = pairing(claim, shared, {budgets[method_of(side)] for side in sides_of(claim).values()})
+            if SEED not in keys:  # several seeds are one case
+                sides = [side[np.unique(twins[side], return_index=True)[1]] for side in sides]
             alike = index.alike(places, keys, budgets)
             (first, n_first), (second, n_second) = (np.unique(alike[side], return_counts=True) for side in sides)
             _, i, j = np.intersect1d(first, second, assume_unique=True, return_indices=True)
@@ -72,3 +80,16 @@ def _count(
             return Count(len(sides[0]), "cell", few if n_values < 3 else "")
         case _:
             return Count(len(sides[0]), "cell")
+
+
+def _twins(study: "Study") -> NDArray[np.intp]:
+    """A number for each cell, equal where cells differ in the seed of their random points alone."""
+    known: dict[str, int] = {}
+    methods = []
+    for item in study.methods:
+        options = item.spelled()
+        if SEED in options and METHODS.create(item.name, item.options).is_random:
+            del options[SEED]
+        methods.append(known.setdefault(json.dumps([item.name, options], sort_keys=True), len(known)))
+    codes = [*(study.index.codes[place] for place in PLACES), np.array(methods, np.intp)[study.index.codes["method"]]]
+    return np.ravel_multi_index(codes, [int(each.max()) + 1 for each in codes])

@@ -13,6 +13,11 @@ COLUMNS = ("n_samples", "shade_seconds", "state_bytes", "stage_seconds")
 PLACES = ("light", "material", "view")
 
 
+def is_cost(column: str) -> bool:
+    """Whether a column that a claim may be about is a cost, of all stages or of one; else it is a metric."""
+    return column.partition(".")[0] in (*COLUMNS, "update_seconds")
+
+
 def _tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
@@ -75,6 +80,8 @@ class _Claim(BaseModel):
 class LowerClaim(_Claim):
     """|metric| of one side is below that of another, for every light, material, view and pairing option.
 
+    Within the margin the two are equal: a difference so small matters to nobody, though it may be real.
+
     A light, material or view that a side states does not pair: so two of them are compared with each other.
 
     Attributes:
@@ -82,6 +89,7 @@ class LowerClaim(_Claim):
         than: the other side.
         metric: the error that is compared.
         paired_by: options at equal values of which cells are compared; by default those of `where`, and samples.
+        margin: of the ratio of the two about 1, in [0, 1).
     """
 
     kind: ClassVar[str] = "lower"
@@ -89,6 +97,7 @@ class LowerClaim(_Claim):
     than: Side
     metric: Name
     paired_by: Names = []
+    margin: Annotated[float, Field(ge=0, lt=1)] = 0.01
 
 
 class SlopeClaim(_Claim):
@@ -192,6 +201,7 @@ def methods_of(claim: Claim) -> set[str]:
     return {method_of(side) for side in sides_of(claim).values()}
 
 
+SEED = "seed"  # the option of all methods that seeds their random points
 BUDGET = ""  # stands among the names of pairing options for the budget of either side, where their names differ
 
 

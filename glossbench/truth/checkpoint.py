@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from glossbench.atomic import replacing
-from glossbench.provenance import numerics_hash
+from glossbench.provenance import code_hash, source_hash
 from glossbench.shading.costs import tensors_in
 
 INTERVAL = 10.0  # seconds between two savings at the least: the sums of a large image are a hundred megabytes
@@ -31,10 +31,13 @@ class Checkpoint:
 
     @staticmethod
     def of(folder: Path | None, *parts: Any) -> "Checkpoint":
-        """The file in a folder for what some texts, numbers and tensors decide, and the source that adds them up."""
+        """The file in a folder for what some texts, numbers and tensors decide, and the source that adds them up.
+
+        Of a class the source counts that it is made of.
+        """
         if folder is None:
             return Checkpoint(None)
-        digest = hashlib.sha256(numerics_hash().encode())
+        digest = hashlib.sha256(code_hash("glossbench.truth.reference").encode())
         for part in parts:
             for piece in _bytes(part):
                 digest.update(piece)
@@ -68,6 +71,9 @@ class Checkpoint:
 
 
 def _bytes(part: Any) -> Iterator[bytes]:
+    if isinstance(part, type):
+        yield source_hash(part).encode()
+        return
     if isinstance(part, str | int):
         yield f"{part!r} ".encode()
     for tensor in tensors_in(part):

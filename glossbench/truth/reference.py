@@ -5,11 +5,12 @@ light's luminance, each lobe's sampler, and the cosine for a diffuse part. Each 
 Sobol sequence, and all are weighted by the balance heuristic (Veach 1997 eq. 9.8): every sample contributes
 f L cos_i V / (N sum of all pdfs). V is 1, and 0 where the scene hides the light: a direction that hits the surface
 again is black, whatever is seen there. Replicates with independent scrambles give each pixel its standard error; all
-sequences are extended together until the image's noise is under the target.
+sequences are extended together until the image's noise is under the target. Groups of replicates are kept, so that
+what is computed from the reference can be computed again without each of them (jackknife.py).
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,8 +19,8 @@ import torch
 from torch import Tensor
 from torch.quasirandom import SobolEngine
 
-from glossbench.brdf.material import Material, Reflectance
-from glossbench.channels import Channels, add
+from glossbench.brdf.material import MAX_LOBES, Material, Reflectance
+from glossbench.channels import Channels, add, merge_channels
 from glossbench.directions import Vec3, cosine_hemisphere, to_local, to_world
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LightDistribution, luminance_distribution
@@ -32,6 +33,7 @@ from glossbench.shading.visibility import occluder_of, unhidden
 from glossbench.truth.checkpoint import Checkpoint
 
 N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
+N_GROUPS = 8  # of two replicates: a metric is evaluated once more for each
 FIRST_SAMPLES = 64  # of each replicate and technique
 # A round of so many point-sample pairs is fused: eagerly it takes 6 s, compiling its kernels some 30 s once, but the
 # next rounds take twice and four times as long, and a study's other references find the kernels compiled.
@@ -47,12 +49,44 @@ class Reference:
         standard_error: of each pixel and channel, (H, W, 3), float64.
         mask: (H, W), true where the surface is seen.
         n_samples: a pixel, over all replicates and techniques.
+        deviates: (G, H, W, 3), float16, of each group of replicates: its mean less the radiance, in standard errors; 0
+            where the standard error is 0. All that a group has in common over pixels is kept.
     """
 
     radiance: Tensor
     standard_error: Tensor
     mask: Tensor
     n_samples: int
+    deviates: Tensor
+
+    @staticmethod
+    def of(replicates: Tensor, mask: Tensor, n_samples: int) -> "Reference":
+        """The mean of replicates (R, P, 3), float64, of the pixels of a mask; R a multiple of the number of groups."""
+        mean = replicates.mean(0)
+        error = replicates.std(0) / len(replicates) ** 0.5
+        groups = replicates.unflatten(0, (N_GROUPS, -1)).mean(1)
+        deviates = torch.where(error > 0, (groups - mean) / error, 0.0).half()
+        kept = torch.stack([image_of(mask, each) for each in deviates])
+        return Reference(image_of(mask, mean), image_of(mask, error), mask, n_samples, kept)
+
+    def left_out(self, n_groups: int = N_GROUPS) -> Iterator["Reference"]:
+        """The references of all replicates but those of one group, for each group.
+
+        T_i = T - (g_i - T) / (G - 1), where g_i is the mean of group i, and T of all G groups.
+
+        Args:
+            n_groups: G; fewer groups are made of neighbours.
+
+        Raises:
+            InputError: the kept groups do not make so many equal ones, or it is less than 2.
+        """
+        kept = len(self.deviates)
+        if n_groups < 2 or kept % n_groups:
+            allowed = ", ".join(str(n) for n in range(2, kept + 1) if kept % n == 0)
+            raise InputError(f"n_groups must be one of {allowed}, got {n_groups!r}")
+        for deviates in self.deviates.unflatten(0, (n_groups, -1)):
+            step = deviates.double().mean(0) * self.standard_error / (n_groups - 1)
+            yield replace(self, radiance=self.radiance - step)
 
     @property
     def noise(self) -> float:
@@ -119,7 +153,9 @@ def compute_reference(
     n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
     sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=device)
     done = [0] * N_REPLICATES
-    kept = Checkpoint.of(checkpoint, light.faces, material.key(), points, getattr(occluder, "key", ""), seed, device)
+    made_by = type(material), type(occluder)
+    key = getattr(occluder, "key", "")
+    kept = Checkpoint.of(checkpoint, *made_by, light.faces, material.key(), points, key, seed, device)
     kept.load(sums, done)
     engines = [
         [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]
@@ -146,8 +182,7 @@ def compute_reference(
             progress(noise / level if level > 0 else 0.0, n_samples)
         if noise <= relative_error * level or 2 * n * N_REPLICATES > max_samples:
             kept.remove()
-            mask = view.mask()
-            return Reference(image_of(mask, mean), image_of(mask, error), mask, n_samples)
+            return Reference.of(sums / n, view.mask(), n_samples)
         n *= 2
 
 
@@ -181,7 +216,7 @@ def _from_light(points: ShadingPoints, tables: Tables, lights: LightSamples) -> 
     weight = _balanced(tables.reflectance, wo, wi, lights.pdf)
     weight = unhidden(weight, points, lights.direction, tables.occluder)
     sums = [w @ lights.radiance for w in weight]
-    return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)
+    return merge_channels(sums)
 
 
 def _from_surface(points: ShadingPoints, tables: Tables, wo: Vec3, wi: Vec3) -> Tensor:
@@ -215,7 +250,7 @@ def _lobe_kernel(k: int) -> Callable[..., Tensor]:
 
 
 # One kernel object a lobe number: a compiled kernel is known by its object.
-_LOBE_KERNELS = [_lobe_kernel(k) for k in range(16)]
+_LOBE_KERNELS = [_lobe_kernel(k) for k in range(MAX_LOBES)]
 
 
 def _open(u: Tensor) -> Tensor:

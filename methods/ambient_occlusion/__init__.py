@@ -5,19 +5,33 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.importance import LUMINANCE
-from glossbench.options import Seed
-from glossbench.prefilter.cosine_lobes.calibration import LobeLevels, Volume, calibrate
-from glossbench.prefilter.cosine_lobes.lighting import Energy, lobe_radiance, n_lookups, no_lobe_sums
-from glossbench.prefilter.cosine_lobes.lobe_sum import LobeSum
-from glossbench.prefilter.cosine_lobes.pyramid import LobeFilter, PartialMaps, build_partial_maps, cube_bytes
-from glossbench.prefilter.median_cut import whole
-from glossbench.prefilter.shadows import NoShadows
-from glossbench.prefilter.stages import lobe_sums
-from glossbench.scene.points import ShadingPoints, View
-from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.prefilter import (
+    LUMINANCE,
+    METHODS,
+    Contract,
+    CubeMap,
+    Energy,
+    LobeFilter,
+    LobeLevels,
+    LobeSum,
+    Material,
+    Method,
+    NoShadows,
+    PartialMaps,
+    Seed,
+    ShadingPoints,
+    View,
+    Volume,
+    build_partial_maps,
+    calibrate,
+    cube_bytes,
+    lobe_radiance,
+    lobe_sums,
+    n_lookups,
+    no_lobe_sums,
+    stage,
+    whole,
+)
 
 from .openness import openness
 

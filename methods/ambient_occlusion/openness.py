@@ -5,8 +5,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from glossbench.directions import Vec3, cosine_hemisphere, points_2d, to_world
-from glossbench.scene.points import Occluder, ShadingPoints
+from glossbench.prefilter import Occluder, ShadingPoints, Vec3, cosine_hemisphere, points_2d, to_world
 
 
 def openness(scene: Any, points: ShadingPoints, n_rays: int, seed: int) -> Tensor:

@@ -5,13 +5,21 @@ from typing import Annotated
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material
-from glossbench.directions import Vec3, to_local
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.factorization import Solver
-from glossbench.prefilter.median_cut import Partition, median_cut, whole
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Material,
+    Method,
+    Partition,
+    ShadingPoints,
+    Solver,
+    Vec3,
+    median_cut,
+    stage,
+    to_local,
+    whole,
+)
 
 from .factors import BRDFFactors, factor_brdf
 

@@ -7,11 +7,21 @@ import torch
 from scipy.sparse import csr_array
 from torch import Tensor
 
-from glossbench.brdf.material import Material
-from glossbench.channels import widen
-from glossbench.directions import Vec3, half_vector, points_2d, reflect, spherical
-from glossbench.envmap.projections.resampling import bilinear
-from glossbench.factorization import FactorMap, Solver, factorize, grid_laplacian, grid_rows
+from glossbench.prefilter import (
+    FactorMap,
+    Material,
+    Solver,
+    Vec3,
+    bilinear,
+    factorize,
+    grid_laplacian,
+    grid_rows,
+    half_vector,
+    points_2d,
+    reflect,
+    spherical,
+    widen,
+)
 
 # Below, a factor 1 / cos of a model that has one is no longer sampled: it would outweigh all else.
 LEAST_COSINE = 0.02

@@ -7,22 +7,42 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.lobe import Lobe
-from glossbench.brdf.material import Material
-from glossbench.channels import Channels
-from glossbench.directions import PointSet, Vec3, dot, normalize, points_2d, scale, spherical, to_world
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.harmonics import project
-from glossbench.envmap.importance import luminance_distribution
-from glossbench.envmap.pyramid import Environment, MipFilter, weighted_radiance
-from glossbench.errors import InputError
-from glossbench.options import Finite, Seed
-from glossbench.prefilter.stages import irradiance, pyramid
-from glossbench.prefilter.visible_diffuse import visible_diffuse
-from glossbench.scene.points import Occluder, ShadingPoints, View
-from glossbench.shading.kernels import PerPoint, over_points
-from glossbench.shading.method import METHODS, Contract, Method, stage
-from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.prefilter import (
+    METHODS,
+    Channels,
+    Contract,
+    CubeMap,
+    Environment,
+    Finite,
+    InputError,
+    Lobe,
+    Material,
+    Method,
+    MipFilter,
+    Occluder,
+    PerPoint,
+    PointSet,
+    Seed,
+    ShadingPoints,
+    Vec3,
+    View,
+    dot,
+    irradiance,
+    luminance_distribution,
+    normalize,
+    occluder_of,
+    over_points,
+    points_2d,
+    project,
+    pyramid,
+    scale,
+    spherical,
+    stage,
+    to_world,
+    unhidden,
+    visible_diffuse,
+    weighted_radiance,
+)
 
 from .visibility_harmonics import fit_visibility, smooth, visibility_at
 
@@ -103,6 +123,11 @@ class FilteredImportanceSampling(Method):
 
     pyramid = pyramid
     irradiance = irradiance
+
+    @property
+    def is_random(self) -> bool:
+        """The seed is of random points alone."""
+        return self.points == "random"
 
     def __post_init__(self) -> None:
         super().__post_init__()

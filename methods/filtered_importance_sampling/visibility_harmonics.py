@@ -4,11 +4,7 @@ import scipy
 import torch
 from torch import Tensor
 
-from glossbench.directions import Vec3, dot
-from glossbench.envmap.harmonics import sh_basis
-from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading.kernels import over_points
-from glossbench.shading.visibility import unhidden
+from glossbench.prefilter import Occluder, ShadingPoints, Vec3, dot, over_points, sh_basis, unhidden
 
 # What the directions tell less of than this share of what they tell most of is taken to be zero. Measured on a cloth
 # and a torus knot under Grace, 16 directions, order 4, RMS over the mean, diffuse: 1e-6 0.26 and 1.05 (what is told

@@ -8,15 +8,28 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material
-from glossbench.envmap.cubemap import CubeMap, bordered
-from glossbench.envmap.projections.conversion import from_cubemap
-from glossbench.envmap.pyramid import Pyramid, build_pyramid, lookup
-from glossbench.factorization import Solver
-from glossbench.options import Fraction, Resolution, Seed
-from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Fraction,
+    LightingSamples,
+    Material,
+    Method,
+    Pyramid,
+    Resolution,
+    Seed,
+    ShadingPoints,
+    Solver,
+    TexelWeight,
+    anisotropy,
+    bordered,
+    build_pyramid,
+    from_cubemap,
+    lookup,
+    sample_lighting_function,
+    stage,
+)
 
 from .factors import (
     PARAMETERS,
@@ -110,6 +123,11 @@ class LightingFactorization(Method):
     equation = "L_o (v, n) approx t_1 (n) thin t_2 (r), quad r = 2 (n dot v) n - v"
     # Measured: furnace 0.56, as an albedo of the angle alone is no product of n and r; turns 9e-8.
     contract = Contract(furnace=0.8, linear=False, budget=None, quick={"virtual_edge": 6, "light_edge": 16, "edge": 16})
+
+    @property
+    def is_random(self) -> bool:
+        """The seed is of Monte Carlo sums alone."""
+        return self.sampling == "monte_carlo"
 
     def supports(self, material: Material, scene: Any) -> str | None:
         """A reason for an anisotropic material."""

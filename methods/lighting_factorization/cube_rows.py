@@ -5,9 +5,7 @@ import torch
 from scipy.sparse import csr_array
 from torch import Tensor
 
-from glossbench.directions import Vec3
-from glossbench.envmap.cubemap import bordered, face_coordinates
-from glossbench.factorization import neighbour_laplacian, weight_rows
+from glossbench.prefilter import Vec3, bordered, face_coordinates, neighbour_laplacian, weight_rows
 
 
 def cube_rows(d: Vec3, edge: int) -> csr_array:

@@ -14,12 +14,26 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from glossbench.directions import Vec3, cross, normalize, reflect, stack, to_local
-from glossbench.envmap.cubemap import CubeMap, texel_directions, texel_solid_angles
-from glossbench.envmap.importance import LUMINANCE
-from glossbench.factorization import FactorMap, Floats, Solver, average_start, factorize
-from glossbench.prefilter.lighting_function import LightingSamples
-from glossbench.scene.virtual_cube import pair_points, tangent
+from glossbench.prefilter import (
+    LUMINANCE,
+    CubeMap,
+    FactorMap,
+    Floats,
+    LightingSamples,
+    Solver,
+    Vec3,
+    average_start,
+    cross,
+    factorize,
+    normalize,
+    pair_points,
+    reflect,
+    stack,
+    tangent,
+    texel_directions,
+    texel_solid_angles,
+    to_local,
+)
 
 from .cube_rows import cube_laplacian, cube_rows
 

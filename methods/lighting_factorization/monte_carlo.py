@@ -2,11 +2,7 @@
 
 import torch
 
-from glossbench.brdf.material import Material
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.prefilter.lighting_function import LightingSamples
-from glossbench.scene.virtual_cube import pair_points, valid_pairs
-from glossbench.truth.reference import estimates
+from glossbench.prefilter import CubeMap, LightingSamples, Material, estimates, pair_points, valid_pairs
 
 REPLICATES = 4
 

@@ -5,17 +5,34 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 from torch import Tensor
 
-from glossbench.brdf.material import Material
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.prefilter.cosine_lobes.calibration import LobeLevels, Volume, calibrate
-from glossbench.prefilter.cosine_lobes.lighting import Energy, Maps, lobe_radiance, n_lookups, no_lobe_sums
-from glossbench.prefilter.cosine_lobes.lobe_sum import LobeSum
-from glossbench.prefilter.cosine_lobes.pyramid import LobeFilter, build_partial_maps
-from glossbench.prefilter.median_cut import Partition, median_cut, whole
-from glossbench.prefilter.shadows import Shadows, Visibility, no_shadows
-from glossbench.prefilter.stages import lobe_sums, shadows
-from glossbench.scene.points import ShadingPoints
-from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.prefilter import (
+    METHODS,
+    Contract,
+    CubeMap,
+    Energy,
+    LobeFilter,
+    LobeLevels,
+    LobeSum,
+    Maps,
+    Material,
+    Method,
+    Partition,
+    ShadingPoints,
+    Shadows,
+    Visibility,
+    Volume,
+    build_partial_maps,
+    calibrate,
+    lobe_radiance,
+    lobe_sums,
+    median_cut,
+    n_lookups,
+    no_lobe_sums,
+    no_shadows,
+    shadows,
+    stage,
+    whole,
+)
 
 from .map_calibration import MapLevels, calibrate_maps
 from .parabolic_maps import build_parabolic_maps, pitches

@@ -8,8 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from glossbench.prefilter.cosine_lobes.calibration import N_ANGLES, N_AZIMUTHS, REACH, LobeLevels, Volume, match_levels
-from glossbench.prefilter.cosine_lobes.pyramid import LobeFilter, window_taps
+from glossbench.prefilter import N_ANGLES, N_AZIMUTHS, REACH, LobeFilter, LobeLevels, Volume, match_levels, window_taps
 
 from .parabolic_maps import POLE, fill, level_windows, n_levels, n_texels
 

@@ -12,12 +12,29 @@ import torch
 from torch import Tensor
 from torch.nn.functional import one_hot, pad
 
-from glossbench.directions import Vec3, cross, dot, normalize, stack, to_local, to_world, vec3
-from glossbench.envmap.cubemap import CubeMap, bordered, texel_directions
-from glossbench.envmap.pyramid import Pyramid, Taps, finest, halve
-from glossbench.errors import InputError
-from glossbench.prefilter.cosine_lobes.pyramid import LOBE_FILTERS, TEXEL_BYTES, LobeFilter, window_taps
-from glossbench.prefilter.median_cut import Partition
+from glossbench.prefilter import (
+    LOBE_FILTERS,
+    TEXEL_BYTES,
+    CubeMap,
+    InputError,
+    LobeFilter,
+    Partition,
+    Pyramid,
+    Taps,
+    Vec3,
+    bordered,
+    cross,
+    dot,
+    finest,
+    halve,
+    normalize,
+    stack,
+    texel_directions,
+    to_local,
+    to_world,
+    vec3,
+    window_taps,
+)
 
 Frame = tuple[Vec3, Vec3, Vec3]
 

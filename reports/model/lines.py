@@ -9,7 +9,6 @@ import numpy as np
 from scipy.special import stdtrit
 
 from glossbench.columns import COLUMNS
-from glossbench.findings.comparisons import noise_of
 from glossbench.metrics import METRICS
 
 from .axes import Label, Place
@@ -76,8 +75,8 @@ def axis_of(place: Place, metric: str) -> Axis:
     cls = METRICS.get(metric)
     unit = "" if cls.unit == "1" else f" [{cls.unit}]"
     label = f"|{metric}|{unit}" if cls.signed else f"{metric}{unit}"
-    references = [group.reference for group in place.groups]
-    noise = max(noise_of(reference, reference, metric) for reference in references)
+    rows = [cell.row for group in place.groups for cell in group.done if cell.row["at_noise_floor"]]
+    noise = max((abs(row[metric]) / 2 for row in rows if row.get(metric) is not None), default=0.0)
     return Axis(label, metric, noise, is_log=cls.lower_is_better)
 
 
@@ -127,7 +126,7 @@ def named(labels: Sequence[Label]) -> tuple[str, list[str]]:
 def front(lines: Sequence[Measured], cost: str, axis: Axis) -> list[Mask]:
     """For each line, its points on the Pareto front: no other has a lower cost and error, or one and the other equal.
 
-    Errors that the reference cannot resolve count as equal: twice its noise, where the metric knows that.
+    Errors that the reference cannot resolve count as equal, the largest of them.
     """
     shown = [axis.shows(line.errors) & np.isfinite(line.costs[cost]) for line in lines]
     worse = [

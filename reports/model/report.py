@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from glossbench.columns import parsed
 from glossbench.findings.citations import Citation, cited_by
 from glossbench.findings.columns import Column, columns_of
 from glossbench.findings.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
-from glossbench.study.labels import parsed
 
 from .answer import Answer, answer_of, claimed
 from .axes import SAMPLES, Place, Sweep, places_of, sweeps_of

@@ -6,29 +6,16 @@ from math import pi, radians, sqrt
 import numpy as np
 import pytest
 import torch
-from test_brdf import VIEWS, WIDTHS, check_values, direction, half_of, random_hemisphere, vectors
-from test_reference import extrapolated, lights
-from test_ward import (
-    SEEDS,
-    OneQuadrant,
-    albedo_by_hand,
-    check_finite,
-    check_fused,
-    check_methods,
-    check_reciprocity,
-    check_sum,
-    check_weight,
-    chi_square_p,
-    limits,
-    method_errors,
-    over_slopes,
-    p_limit,
-    pdf_in_numpy,
-    visible_share,
-)
 
 from glossbench.brdf.cook_torrance import CookTorrance
 from glossbench.errors import InputError
+from oracles.chi_square import SEEDS, OneQuadrant, chi_square_p, p_limit
+from oracles.hemisphere import VIEWS, WIDTHS, check_values, direction, half_of, random_hemisphere, vectors
+from oracles.lobe_checks import check_finite, check_fused, check_reciprocity, check_weight
+from oracles.method_errors import check_methods, limits, method_errors
+from oracles.quadrature import albedo_by_hand, over_slopes, pdf_in_numpy, visible_share
+from oracles.texel_sums import extrapolated, lights
+from oracles.z_scores import check_sum
 
 
 def lobe_of(widths, **rest):
@@ -224,7 +211,7 @@ def test_every_method_comes_near_the_reference(material, bounds):
 
 @dataclass(frozen=True)
 class ByHand:
-    """What test_ground_truth sums over texels."""
+    """What is summed over texels."""
 
     widths: tuple[float, float]
     kd: float = 0.0

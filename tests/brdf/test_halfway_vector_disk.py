@@ -6,27 +6,17 @@ from math import hypot, pi, radians, sin, sqrt
 import numpy as np
 import pytest
 import torch
-from test_brdf import VIEWS, check_values, direction, half_of, random_hemisphere, vectors
-from test_reference import extrapolated, lights
-from test_ward import (
-    SEEDS,
-    OneQuadrant,
-    check_finite,
-    check_fused,
-    check_methods,
-    check_reciprocity,
-    check_sum,
-    check_weight,
-    chi_square_p,
-    limits,
-    method_errors,
-    p_limit,
-    pdf_in_numpy,
-)
 
 from glossbench.brdf.halfway_vector_disk import HalfwayVectorDisk
 from glossbench.directions import points_2d
 from glossbench.errors import InputError
+from oracles.chi_square import SEEDS, OneQuadrant, chi_square_p, p_limit
+from oracles.hemisphere import VIEWS, check_values, direction, half_of, random_hemisphere, vectors
+from oracles.lobe_checks import check_finite, check_fused, check_reciprocity, check_weight
+from oracles.method_errors import check_methods, limits, method_errors
+from oracles.quadrature import pdf_in_numpy
+from oracles.texel_sums import extrapolated, lights
+from oracles.z_scores import check_sum
 
 SHAPES = [((0.3, 0.3), 8.0), ((0.6, 0.2), 6.0), ((1.0, 1.0), 3.0), ((0.5, 0.5), 200.0)]  # radius, exponent
 
@@ -337,7 +327,7 @@ def test_every_method_comes_near_the_reference(material, bounds, facing):
 
 @dataclass(frozen=True)
 class ByHand:
-    """What test_ground_truth sums over texels."""
+    """What is summed over texels."""
 
     radius: tuple[float, float]
     exponent: float

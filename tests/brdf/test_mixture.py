@@ -5,8 +5,6 @@ from math import pi
 
 import pytest
 import torch
-from test_brdf import random_hemisphere, vectors
-from test_reference import Glossy, check_z, extrapolated, lights, reference
 
 from glossbench.brdf.ggx import GGX
 from glossbench.brdf.kurt import Kurt
@@ -27,6 +25,9 @@ from glossbench.shading.method import StageCache, shade
 from glossbench.study.schema import schema
 from glossbench.study.study import load_study
 from glossbench.truth.reference import compute_reference
+from oracles.hemisphere import random_hemisphere, vectors
+from oracles.texel_sums import Glossy, extrapolated, lights
+from oracles.z_scores import check_z, reference
 
 PARTS = (
     Kurt(m=(0.2, 0.4), f0=(0.9, 0.6, 0.2), kd=0.1),

@@ -6,12 +6,12 @@ from math import pi
 import numpy as np
 import pytest
 import torch
-from test_brdf import direction, vectors
 
 from glossbench.brdf.cook_torrance import CookTorrance
 from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.ngan import fits
 from glossbench.errors import InputError
+from oracles.hemisphere import direction, vectors
 
 MODELS = ("cook_torrance", "ward", "lafortune")
 

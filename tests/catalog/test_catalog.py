@@ -135,9 +135,16 @@ def test_every_environment_is_a_light_and_nothing_else_of_the_catalogue_is():
     assert lights == {e.name for e in entries("environment")}
 
 
-def test_reading_names_only_options_of_a_file():
-    for stated in entries():
-        FileLight.create({"file": stated.file, **stated.reading})
+@pytest.mark.parametrize("stated", [pytest.param(e, id=e.name) for e in entries()])
+def test_reading_names_only_options_of_a_file(stated):
+    light = FileLight.create({"file": stated.file, **stated.reading})
+
+    assert light.as_dict().items() >= json.loads(json.dumps(stated.reading)).items()
+
+
+def test_a_reading_that_names_no_option_is_refused():
+    with pytest.raises(InputError, match="unknown option 'projektion'; did you mean 'projection'"):
+        FileLight.create({"file": "a.hdr", "projektion": "lat_long"})
 
 
 # Against up, right and forward of the MANIFEST, at 64 texels a face. Measured 3.7e-4, 2.5e-4 and 3.9e-4; 4.3e-3 for

@@ -53,16 +53,35 @@ def truth():
 @pytest.mark.parametrize("check", [c for c in CHECKS if c is not check_converges], ids=lambda c: c.__name__)
 @pytest.mark.parametrize("name", OWN)
 def test_every_method_keeps(name, check):
-    outcome = check(as_checked(name))
-
-    assert outcome.kept is not False, outcome
+    check_kept(as_checked(name), check)
 
 
 @pytest.mark.parametrize("name", OWN)
 def test_every_method_converges_as_it_claims(name, truth):
-    outcome = check_converges(as_checked(name), truth)
+    check_kept(as_checked(name), check_converges, truth)
 
-    assert outcome.kept is not False, outcome
+
+def check_kept(method, check, *truth):
+    """A check is kept, or is not judged because the contract does not claim it; nothing else excuses a method."""
+    contract = method.contract
+    is_claimed = {
+        check_linear: contract.linear,
+        check_converges: contract.slope is not None and contract.budget is not None,
+    }.get(check, True)
+
+    outcome = check(method, *truth)
+
+    assert outcome.kept is (True if is_claimed else None), outcome
+
+
+@pytest.mark.parametrize("check", [check_furnace, check_finite])
+def test_a_method_that_supports_no_material_of_a_check_does_not_keep_it(check):
+    class Picky(Sound):
+        def supports(self, material, scene):
+            return "only measured data"
+
+    with pytest.raises(AssertionError, match="kept=None"):
+        check_kept(Picky(), check)
 
 
 # The faults. Each is importance sampling, sound but for one thing.
@@ -451,14 +470,14 @@ def test_given_points_are_a_view_of_one_row():
 @pytest.fixture
 def module(tmp_path, monkeypatch):
     """Writes an importable module; what it registers is forgotten after the test."""
-    monkeypatch.setattr(METHODS, "_classes", dict(METHODS._classes))
     monkeypatch.syspath_prepend(tmp_path)
 
     def write(name, code):
         (tmp_path / f"{name}.py").write_text(code)
         return name
 
-    return write
+    with METHODS.isolated():
+        yield write
 
 
 @pytest.fixture
@@ -531,3 +550,16 @@ def test_a_name_that_cannot_be_checked_is_one_line(name, code, message, module):
 
     with pytest.raises(InputError, match=message):
         check_contract(name)
+
+
+def test_a_failed_check_names_file_and_line_of_the_plug_in_and_each_check_is_told(tmp_path, monkeypatch):
+    code = "from glossbench.shading.method import METHODS, Method\n@METHODS.register('breaks_here')\nclass B(Method):\n"
+    (tmp_path / "breaks_here_plugin.py").write_text(code + "    def shade(self, points):\n        raise KeyError(7)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    doing = []
+
+    [furnace, *others] = check_contract("breaks_here_plugin", doing.append)
+
+    assert (furnace.measured, furnace.where) == ("KeyError: 7", f"{tmp_path}/breaks_here_plugin.py:5")
+    assert doing[0] == "breaks_here: furnace"
+    assert len(doing) == 1 + len(others)

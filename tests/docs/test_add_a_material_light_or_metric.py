@@ -22,14 +22,12 @@ BLOCKS = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8")
 @pytest.fixture(autouse=True)
 def printed(tmp_path, monkeypatch, capsys):
     """What the document's module prints; what it registers is forgotten after the test."""
-    for registry in (MATERIALS, LIGHTS, METRICS):
-        registry.names()
-        monkeypatch.setattr(registry, "_classes", dict(registry._classes))
     (tmp_path / "my_plugins.py").write_text("\n".join(BLOCKS), encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "my_plugins", raising=False)
-    importlib.import_module("my_plugins")
-    return capsys.readouterr().out
+    with MATERIALS.isolated(), LIGHTS.isolated(), METRICS.isolated():
+        importlib.import_module("my_plugins")
+        yield capsys.readouterr().out
 
 
 def test_the_materials_sampler_agrees_with_a_sum_that_does_not_use_it(printed):

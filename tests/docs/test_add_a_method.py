@@ -25,14 +25,13 @@ def blocks(language):
 @pytest.fixture
 def lab(tmp_path, monkeypatch):
     """A package my_lab with the document's module; what it registers is forgotten after the test."""
-    METHODS.names()
-    monkeypatch.setattr(METHODS, "_classes", dict(METHODS._classes))
     package = tmp_path / "my_lab"
     package.mkdir()
     (package / "__init__.py").touch()
     (package / "single_lookup.py").write_text(blocks("python")[0], encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
-    yield tmp_path
+    with METHODS.isolated():
+        yield tmp_path
     for name in ("my_lab", "my_lab.single_lookup"):
         sys.modules.pop(name, None)
 

@@ -7,9 +7,10 @@ import torch
 import glossbench as gb
 from glossbench.directions import Vec3, points_2d
 from glossbench.envmap.pyramid import Pyramid, build_pyramid, lookup
-from glossbench.methods.filtered_importance_sampling import FilteredImportanceSampling, _affine, _steps
+from glossbench.methods.filtered_importance_sampling import FilteredImportanceSampling
 from glossbench.scene.points import ShadingPoints
-from glossbench.shading.kernels import over_points
+from glossbench.shading import kernels
+from glossbench.shading.kernels import fused
 
 SAMPLES, PROBES = 12, 8
 M = (0.3, 0.08)
@@ -104,13 +105,15 @@ def test_a_constant_light_needs_no_footprint():
 
 
 @pytest.mark.filterwarnings("ignore:`torch.jit.script_method` is deprecated")
-def test_fused_equals_eager(light):
-    points, lobe = surface(), gb.material("kurt", m=M).reflectance().lobes[0]
-    u = points_2d(SAMPLES)
-    places = torch.tensor([-0.5, 0.5])
-    arguments = (lobe, lobe.sample_points(u), _steps(lobe, u), build_pyramid(light, "box"), torch.tensor(-1.0), places)
+def test_fused_equals_eager(light, monkeypatch):
+    method = gb.method("filtered_importance_sampling", samples=SAMPLES, footprint="affine", probes=2)
+    arguments = surface(), gb.material("kurt", m=M), build_pyramid(light, "box"), torch.zeros(9, 3)
+    eager = method.shade(*arguments)
+    compiled_kernels = fused.cache_info().misses
 
-    eager, compiled = (over_points(_affine, points, SAMPLES, *arguments, fuse=f) for f in (False, True))
+    monkeypatch.setattr(kernels, "FUSE_ABOVE", 0)
+    compiled = method.shade(*arguments)
 
+    assert fused.cache_info().misses == compiled_kernels + 1
     # Measured 1.4e-7.
     torch.testing.assert_close(compiled, eager, rtol=7e-7, atol=0)

@@ -8,9 +8,10 @@ import torch
 from scipy import stats
 
 import glossbench as gb
+from glossbench.channels import LUMINANCE
 from glossbench.directions import Vec3, points_2d, stack, vec3
 from glossbench.envmap.cubemap import CubeMap, texel_directions
-from glossbench.envmap.importance import LUMINANCE, luminance_distribution
+from glossbench.envmap.importance import luminance_distribution
 from glossbench.envmap.pyramid import finest, lookup
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 from scipy import ndimage
-from test_reference import FACES
 
 import glossbench as gb
 from glossbench.directions import Vec3, stack, vec3
 from glossbench.envmap.cubemap import CubeMap, bordered, texel_directions
 from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, finest, lookup, mip_levels, weighted_radiance
+from oracles.cube_by_hand import FACES
 
 
 def random_light(resolution, seed=0):

@@ -1,14 +1,29 @@
 """Verdicts on claims: what holds, what does not, what the reference cannot tell, and what was not tested."""
 
 import json
+from math import sqrt
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import t as student
 
 from glossbench.findings.verdicts import judge
 from glossbench.study.claims import KINDS, agrees
+
+METRICS_HERE = ("rms", "relative_rms", "mean_error", "max_error", "flip")
+
+
+def values(value: float, standard_error: float, signs: str = "+-+-+-+-") -> list[float]:
+    """A metric against the reference and against it without each of its groups: of so large a standard error."""
+    step = standard_error / sqrt(len(signs) - 1)
+    return [value, *(value + float(f"{sign}1") * step for sign in signs)]
+
+
+def noisy(metric: str, value: float, standard_error: float, signs: str = "+-+-+-+-") -> dict[str, Any]:
+    """Columns of a metric with noise; cells of the same signs share it, of other signs they do not."""
+    return {metric: value, "left_out": {metric: values(value, standard_error, signs)}}
 
 
 def cell(method: str, **changes: Any) -> dict[str, Any]:
@@ -18,10 +33,12 @@ def cell(method: str, **changes: Any) -> dict[str, Any]:
         "material": "kurt", "material_options": {"m": [0.1, 0.1]},
         "view": "sphere", "view_options": {"resolution": 64}, "method": method, "options": {"samples": 14},
         "status": "done", "rms": 0.1, "relative_rms": 0.2, "mean_error": 0.01, "max_error": 1.0,
-        "reference_noise": 1e-4, "reference_mean": 0.5, "at_noise_floor": False,
+        "reference_key": "of all", "is_random": False, "at_noise_floor": False,
         "n_samples": 14, "shade_seconds": 0.1, "state_bytes": 1000,
         "stage_seconds": {"pyramid": 0.2, "pdf": 0.3},
     } | changes  # fmt: skip
+    known = {name: [row[name]] for name in METRICS_HERE if isinstance(row.get(name), float | int)}
+    row["left_out"] = known | row.get("left_out", {})
     return {key: json.dumps(value) if isinstance(value, dict) else value for key, value in row.items()}
 
 
@@ -44,25 +61,82 @@ VALUE = {"value": "a", "of": "n_samples", "equals": 14}
 # lower
 
 
+T7 = 2.3646  # Student's t of 7 degrees at 97.5 %
+
+
 @pytest.mark.parametrize(
-    ("a", "b", "noise", "verdict"),
+    ("a", "b", "verdict"),
     [
-        (0.1, 0.2, 1e-4, "holds"),
-        (0.2, 0.1, 1e-4, "does not hold"),
-        (0.1, 0.1, 0.0, "does not hold"),
-        (0.1, 0.2, 0.051, "within noise"),
-        (0.1, 0.2, 0.049, "holds"),
-        (0.2, 0.1, 0.051, "within noise"),
+        (0.1, 0.2, "holds"),
+        (0.2, 0.1, "does not hold"),
+        (0.1, 0.1, "equal"),
+        (0.0, 0.0, "equal"),
+        (0.1, 0.0, "does not hold"),
+        (0.0, 0.1, "holds"),
+        (0.0995, 0.1, "equal"),
+        (0.0985, 0.1, "holds"),
+        (0.1005, 0.1, "equal"),
+        (0.1015, 0.1, "does not hold"),
     ],
 )
-def test_lower_needs_twice_the_noise(a, b, noise, verdict):
-    rows = cell("a", rms=a, reference_noise=noise), cell("b", rms=b, reference_noise=noise)
-
-    judgement = verdict_on(LOWER, *rows)
+def test_without_noise_a_difference_above_one_percent_decides(a, b, verdict):
+    judgement = verdict_on(LOWER, cell("a", rms=a), cell("b", rms=b))
 
     assert judgement["verdict"] == verdict
     [number] = judgement["numbers"]
-    assert (number["a"], number["b"], number["noise"], number["verdict"]) == (a, b, noise, verdict)
+    assert (number["a"], number["b"], number["verdict"]) == (a, b, verdict)
+
+
+@pytest.mark.parametrize(("margin", "verdict"), [(0.0, "holds"), (0.019, "holds"), (0.021, "equal"), (0.2, "equal")])
+def test_the_margin_of_a_claim_says_what_is_equal(margin, verdict):
+    assert verdict_on({**LOWER, "margin": margin}, cell("a", rms=0.98), cell("b", rms=1.0))["verdict"] == verdict
+
+
+@pytest.mark.parametrize(
+    ("a", "noise", "verdict"),
+    [
+        (0.9, 0.08 / T7, "holds"),
+        (0.9, 0.1 / T7, "within noise"),  # the interval ends at 1: it contains 0.99
+        (1.1, 0.08 / T7, "does not hold"),
+        (1.1, 0.1 / T7, "within noise"),
+        (1.0, 0.009 / T7, "equal"),
+        (1.0, 0.011 / T7, "within noise"),
+    ],
+)
+def test_lower_is_within_noise_where_the_interval_contains_an_end_of_the_margin(a, noise, verdict):
+    judgement = verdict_on(LOWER, cell("a", **noisy("rms", a, noise)), cell("b", rms=1.0))
+
+    assert judgement["verdict"] == verdict
+    [number] = judgement["numbers"]
+    assert [number[key] for key in ("value", "low", "high")] == pytest.approx(
+        [a, a - T7 * noise, a + T7 * noise], rel=1e-4
+    )
+
+
+def test_noise_that_both_cells_share_cancels_from_their_ratio():
+    """Both errors are known to 10 % alone, and differ by 3 % of themselves."""
+    rows = cell("a", **noisy("rms", 0.97, 0.097)), cell("b", **noisy("rms", 1.0, 0.1))
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert judgement["verdict"] == "holds"
+    assert judgement["numbers"][0]["high"] - judgement["numbers"][0]["low"] < 1e-9
+
+
+@pytest.mark.parametrize("twin", [{"signs": "++--++--"}, {"reference_key": "another"}])
+def test_noise_that_is_not_shared_does_not_cancel(twin):
+    """Twins of the above: other signs of the same reference, and the noise of another reference."""
+    signs = {"signs": twin["signs"]} if "signs" in twin else {}
+    changed = {key: value for key, value in twin.items() if key != "signs"}
+    rows = cell("a", **noisy("rms", 0.97, 0.097, **signs), **changed), cell("b", **noisy("rms", 1.0, 0.1))
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert judgement["verdict"] == "within noise"
+    half = (judgement["numbers"][0]["high"] - judgement["numbers"][0]["low"]) / 2
+    # Welch and Satterthwaite: two like variances of 7 degrees have 14.
+    t = T7 if "signs" in twin else 2.1448
+    assert half == pytest.approx(t * sqrt(2) * 0.097, rel=0.05)
 
 
 def test_one_case_that_does_not_hold_decides():
@@ -85,14 +159,99 @@ def test_one_case_that_does_not_hold_decides():
 def test_cases_within_noise_do_not_stop_a_claim_that_holds_elsewhere():
     rows = [
         cell(method, rms=rms, material_options={"m": m})
-        for method, errors in [("a", [1.0, 1.0]), ("b", [2.0, 1.0001])]
+        for method, errors in [("a", [1.0, 1.0]), ("b", [2.0, 1.02])]
         for m, rms in zip([0.1, 0.2], errors, strict=True)
     ]
+    rows[0] |= {key: json.dumps(v) if isinstance(v, dict) else v for key, v in noisy("rms", 1.0, 0.01).items()}
+    rows[1] |= {key: json.dumps(v) if isinstance(v, dict) else v for key, v in noisy("rms", 1.0, 0.01).items()}
 
     judgement = verdict_on(LOWER, *rows)
 
     assert judgement["verdict"] == "holds"
     assert judgement["summary"].startswith("Holds in 1 of 2 cases, 1 within noise;")
+    assert "from 0.5 [0.4882, 0.5118] (spots, kurt (m 0.1)" in judgement["summary"]
+
+
+def test_equal_cases_stop_no_claim_that_holds_elsewhere_and_come_before_noise():
+    equal = [cell("a", rms=1.0, material="ggx"), cell("b", rms=1.0, material="ggx")]
+    noise = [cell("a", **noisy("rms", 1.0, 0.1), material="phong"), cell("b", rms=1.0, material="phong")]
+    holds = [cell("a", rms=1.0), cell("b", rms=2.0)]
+
+    assert verdict_on(LOWER, *equal, *noise)["verdict"] == "equal"
+    assert verdict_on(LOWER, *equal, *noise)["summary"].startswith("Holds in 0 of 2 cases, 1 equal, 1 within noise;")
+    assert verdict_on(LOWER, *equal, *noise, *holds)["verdict"] == "holds"
+
+
+# seeds of random points
+
+
+def seeded(method: str, errors: dict[int, float], **changes: Any) -> list[dict[str, Any]]:
+    """Cells of a method with random points, one for each seed."""
+    return [
+        cell(method, rms=rms, options={"samples": 14, "seed": seed}, is_random=True, **changes)
+        for seed, rms in errors.items()
+    ]
+
+
+def test_cells_that_differ_in_the_seed_alone_are_one_case_whose_spread_enters():
+    errors = {1: 0.8, 2: 0.9, 3: 1.0}
+
+    judgement = verdict_on(LOWER, *seeded("a", errors), cell("b", rms=1.2))
+
+    [number] = judgement["numbers"]
+    half = 4.3027 * np.std([0.8, 0.9, 1.0], ddof=1) / sqrt(3) / 1.2  # Student's t of 2 degrees
+    assert [number[key] for key in ("value", "low", "high")] == pytest.approx(
+        [0.75, 0.75 - half, 0.75 + half], rel=1e-4
+    )
+    assert (number["a"], number["seeds"], judgement["verdict"]) == (pytest.approx(0.9), [3, 0], "holds")
+    assert "; seeds: 3 of a." in judgement["summary"]
+    assert "seed 1" not in number["where"]
+
+
+def test_a_spread_over_seeds_that_reaches_the_bound_is_within_noise():
+    judgement = verdict_on(LOWER, *seeded("a", {1: 0.6, 2: 0.9, 3: 1.2}), cell("b", rms=1.2))
+
+    assert judgement["verdict"] == "within noise"
+
+
+def test_one_seed_says_that_its_spread_is_not_known():
+    judgement = verdict_on(LOWER, *seeded("a", {1: 0.9}), *seeded("b", {4: 1.2}))
+
+    assert judgement["verdict"] == "holds"
+    assert "; seeds: 1 of a, 1 of b (one alone does not tell its spread)." in judgement["summary"]
+
+
+def test_the_spread_that_both_methods_share_over_the_same_seeds_cancels():
+    factor = {1: 1.0, 2: 1.5, 3: 0.5}
+    pair = [seeded(name, {seed: level * f for seed, f in factor.items()}) for name, level in (("a", 0.9), ("b", 1.0))]
+    other = seeded("b", {seed + 3: f for seed, f in factor.items()})
+
+    assert verdict_on(LOWER, *pair[0], *pair[1])["verdict"] == "holds"
+    assert verdict_on(LOWER, *pair[0], *other)["verdict"] == "within noise"
+
+
+def test_the_noise_of_the_reference_and_the_spread_over_seeds_are_added():
+    errors = {1: 0.8, 2: 0.9, 3: 1.0}
+    rows = [
+        row | {"left_out": json.dumps({"rms": values(rms, 0.1)})}
+        for row, rms in zip(seeded("a", errors), errors.values(), strict=True)
+    ]
+
+    [number] = verdict_on({"value": "a", "of": "rms", "between": [0, 2]}, *rows)["numbers"]
+
+    spread, noise = 0.1**2 / 3, 0.1**2
+    degrees = (spread + noise) ** 2 / (spread**2 / 2 + noise**2 / 7)
+    assert number["high"] - number["value"] == pytest.approx(
+        student.isf(0.025, degrees) * sqrt(spread + noise), rel=1e-6
+    )
+
+
+def test_pairs_by_seed_are_a_case_each():
+    rows = [*seeded("a", {1: 0.8, 2: 0.9}), *seeded("b", {1: 1.0, 2: 0.5})]
+
+    judgement = verdict_on({**LOWER, "paired_by": ["seed"]}, *rows)
+
+    assert [(n["a"], n["b"]) for n in judgement["numbers"]] == [(0.8, 1.0), (0.9, 0.5)]
 
 
 def test_cells_are_paired_at_equal_samples_only():
@@ -154,15 +313,23 @@ def test_signed_errors_are_compared_by_size():
     assert judgement["verdict"] == "does not hold"
 
 
-@pytest.mark.parametrize(
-    ("metric", "noise"), [("rms", 0.01), ("max_error", 0.01), ("relative_rms", 0.02), ("flip", 0.0)]
-)
-def test_noise_has_the_unit_of_the_metric(metric, noise):
-    rows = [cell(method, **{metric: value}, reference_noise=0.01) for method, value in [("a", 1.0), ("b", 2.0)]]
+@pytest.mark.parametrize("metric", ["rms", "flip", "max_error", "a_metric_of_a_plug_in"])
+def test_noise_is_measured_whatever_the_metric_is_called(metric):
+    rows = [cell(method, **noisy(metric, value, 0.3)) for method, value in [("a", 1.0), ("b", 1.2)]]
+    rows[1] = cell("b", **noisy(metric, 1.2, 0.3, "++--++--"))
 
     judgement = verdict_on({**LOWER, "metric": metric}, *rows)
 
-    assert judgement["numbers"][0]["noise"] == pytest.approx(noise)
+    assert judgement["verdict"] == "within noise"
+
+
+def test_rows_that_never_measured_their_noise_are_counted():
+    rows = [row | {"left_out": "{}"} for row in (cell("a", rms=0.1), cell("b", rms=0.2))]
+
+    judgement = verdict_on(LOWER, *rows)
+
+    assert judgement["verdict"] == "holds"
+    assert judgement["summary"].endswith("; cells without a measured noise: 2.")
 
 
 # where
@@ -245,18 +412,6 @@ def test_a_side_that_states_a_view_is_compared_with_another_view():
     assert judgement["numbers"][0]["where"].startswith("spots, kurt, samples 14, sphere against mesh (shape knot)")
 
 
-def test_relative_noise_is_that_of_the_noisier_reference():
-    rows = [
-        cell("a", view="sphere", relative_rms=0.1, reference_noise=0.01, reference_mean=1.0),
-        cell("a", view="mesh", relative_rms=0.2, reference_noise=0.01, reference_mean=0.1),
-    ]
-
-    claim = {"lower": {"a": {}, "view": "sphere"}, "than": {"a": {}, "view": "mesh"}, "metric": "relative_rms"}
-    judgement = verdict_on(claim, *rows)
-
-    assert (judgement["verdict"], judgement["numbers"][0]["noise"]) == ("within noise", pytest.approx(0.1))
-
-
 @pytest.mark.parametrize(("of", "value"), [("stage_seconds.pyramid", 0.2), ("update_seconds.light", 0.4)])
 def test_a_claim_may_be_about_one_stage_or_one_update(of, value):
     row = cell("a", stage_seconds={"pyramid": 0.2, "pdf": 0.3}, update_seconds={"light": 0.4, "view": 0.0})
@@ -331,6 +486,40 @@ def test_the_slope_is_the_least_squares_one():
 
     expected = np.polyfit(np.log([4, 16, 64, 256]), np.log(errors), 1)[0]
     assert judgement["numbers"][0]["a"] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("noise", "reference", "half"),
+    [
+        # The last of four points, of x = log 4 times -1.5, -0.5, 0.5, 1.5, moves the slope by 0.3 of its logarithm.
+        (0.1, "of all", T7 * 0.1 * 0.3 / np.log(4)),
+        (0.1, "another", T7 * 0.1 * 0.3 / np.log(4)),
+        (0.0, "of all", 0.0),
+    ],
+)
+def test_the_slope_knows_the_noise(noise, reference, half):
+    rows = curve([0.5, 0.25, 0.125], (4, 16, 64))
+    rows.append(cell("a", **noisy("rms", 0.0625, noise * 0.0625), options={"samples": 256}, reference_key=reference))
+
+    [number] = verdict_on(SLOPE, *rows)["numbers"]
+
+    assert (number["high"] - number["low"]) / 2 == pytest.approx(half, rel=0.01)
+
+
+def test_a_slope_whose_interval_contains_a_bound_is_within_noise():
+    rows = [*curve([0.5, 0.25, 0.125], (4, 16, 64)), cell("a", **noisy("rms", 0.0625, 0.02), options={"samples": 256})]
+
+    assert verdict_on(SLOPE, *rows)["verdict"] == "within noise"
+
+
+def test_noise_that_scales_all_points_alike_does_not_move_the_slope():
+    rows = [cell("a", **noisy("rms", rms, 0.1 * rms), options={"samples": n})
+            for n, rms in zip((4, 16, 64, 256), (0.5, 0.25, 0.125, 0.0625), strict=True)]  # fmt: skip
+
+    judgement = verdict_on(SLOPE, *rows)
+
+    assert judgement["verdict"] == "holds"
+    assert judgement["numbers"][0]["high"] - judgement["numbers"][0]["low"] < 1e-9
 
 
 def test_cells_at_the_noise_floor_do_not_bend_the_slope():
@@ -442,11 +631,11 @@ def test_a_ratio_of_costs_lies_within_bounds(a, b, verdict):
     assert judgement["verdict"] == verdict
 
 
-@pytest.mark.parametrize(("noise", "verdict"), [(0.04, "does not hold"), (0.06, "within noise")])
+@pytest.mark.parametrize(("noise", "verdict"), [(0.09 / T7, "does not hold"), (0.11 / T7, "within noise")])
 def test_a_ratio_of_errors_knows_the_noise(noise, verdict):
     claim = {**RATIO, "of": "rms", "between": [None, 2]}
 
-    judgement = verdict_on(claim, cell("a", rms=2.1, reference_noise=noise), cell("b", rms=1.0))
+    judgement = verdict_on(claim, cell("a", **noisy("rms", 2.1, noise)), cell("b", rms=1.0))
 
     assert judgement["verdict"] == verdict
 
@@ -472,17 +661,21 @@ def test_stage_seconds_are_added_up():
         ({"of": "rms", "between": [0, 0.2]}, "holds"),
         ({"of": "rms", "between": [0, 0.05]}, "does not hold"),
         ({"of": "rms", "between": [0, 0.1001]}, "within noise"),
+        ({"of": "rms", "between": [0, 0.1003]}, "holds"),
+        ({"of": "rms", "equals": 0.1001}, "within noise"),
+        ({"of": "rms", "equals": 0.1003}, "does not hold"),
         ({"of": "mean_error", "between": [0, 1]}, "holds"),
-        ({"of": "relative_rms", "equals": 0.2003}, "within noise"),
+        ({"of": "relative_rms", "equals": 0.2}, "holds"),
     ],
 )
 def test_a_value_is_compared_with_its_bounds(claim, verdict):
-    assert verdict_on({"value": "a", **claim}, cell("a"))["verdict"] == verdict
+    assert verdict_on({"value": "a", **claim}, cell("a", **noisy("rms", 0.1, 1e-4)))["verdict"] == verdict
 
 
 def test_a_tiny_error_is_surely_below_a_bound():
     """No noise can carry it below zero; a signed error it can."""
-    tiny = cell("a", rms=1e-6, mean_error=1e-6)
+    known = values(1e-6, 2e-6)
+    tiny = cell("a", rms=1e-6, mean_error=1e-6, left_out={"rms": known, "mean_error": known})
 
     assert verdict_on({"value": "a", "of": "rms", "between": [0, 1]}, tiny)["verdict"] == "holds"
     assert verdict_on({"value": "a", "of": "mean_error", "between": [0, 1]}, tiny)["verdict"] == "within noise"
@@ -518,3 +711,24 @@ def test_a_metric_that_was_not_computed_is_not_tested():
     judgement = verdict_on({"value": "a", "of": "flip", "between": [0, 1]}, cell("a"))
 
     assert judgement["summary"] == "Not tested: cells without a finite flip: 1."
+
+
+# Which cells are compared.
+
+
+def compared(a: str, b: str):
+    """How many pairs of cells a claim compares, of two methods whose budgets have these names, at 14 and 17 each."""
+    rows = [cell(m, rms=rms, options={name or "samples": n}, budget=name)
+            for m, name, rms in (("a", a, 1.0), ("b", b, 2.0)) for n in (14, 17)]  # fmt: skip
+    return len(verdict_on(LOWER, *rows)["numbers"])
+
+
+def test_cells_are_paired_at_equal_budgets_whatever_their_names():
+    assert compared("samples", "samples") == 2
+    assert compared("rays", "rays") == 2
+    assert compared("samples", "rays") == 2
+
+
+def test_an_option_called_samples_that_is_no_budget_pairs_nothing():
+    assert compared("samples", "") == 4
+    assert compared("", "") == 4

@@ -13,8 +13,9 @@ from glossbench.envmap.cubemap import CubeMap, texel_directions, texel_solid_ang
 from glossbench.envmap.pyramid import finest, lookup, weighted_radiance
 from glossbench.errors import InputError
 from glossbench.methods.partial_environment_maps import parabolic_maps
+from glossbench.methods.partial_environment_maps.map_calibration import calibrate_maps
 from glossbench.methods.partial_environment_maps.parabolic_maps import build_parabolic_maps
-from glossbench.prefilter.cosine_lobes.calibration import calibrate, calibrate_maps
+from glossbench.prefilter.cosine_lobes.calibration import calibrate
 from glossbench.prefilter.cosine_lobes.lobe_sum import fit_lobe_sum
 from glossbench.prefilter.cosine_lobes.pyramid import FIVE_TAPS, LOBE_FILTERS, build_partial_maps
 from glossbench.prefilter.median_cut import _described, median_cut, whole

@@ -1,5 +1,6 @@
 """Methods with a shadow ray a sample, in a bowl, against the reference; and unchanged where nothing is hidden."""
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -10,10 +11,8 @@ import glossbench as gb
 from glossbench.brdf.kurt import Kurt
 from glossbench.directions import Vec3
 from glossbench.envmap.lights.synthetic import Constant, Spots
-from glossbench.methods import filtered_importance_sampling as filtered
-from glossbench.prefilter import visible_diffuse
-from glossbench.shading import visibility
-from glossbench.shading.kernels import over_points
+from glossbench.prefilter import diffuse
+from glossbench.shading import kernels, visibility
 from glossbench.shading.method import METHODS, StageCache, shade
 from glossbench.truth.reference import compute_reference
 
@@ -94,7 +93,7 @@ def test_mean_over_seeds_notices(method, fault, monkeypatch):
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_mean_over_seeds_notices_in_the_diffuse_part_alone(fault, monkeypatch):
-    for module in (visibility, visible_diffuse):
+    for module in (visibility, diffuse):
         monkeypatch.setattr(module, "unhidden", FAULTS[fault])
 
     assert worst_t("importance_sampling", "constant") > t_limit()
@@ -158,19 +157,19 @@ def test_on_a_sphere_rays_change_not_a_bit(method):
 
 
 @pytest.mark.filterwarnings("ignore:`torch.jit:DeprecationWarning")  # the compiler's own, while it loads
-def test_fused_and_eager_kernels_hide_the_same():
-    points, lobe = view().points(), MATERIAL.reflectance().lobes[0]
-    samples = lobe.sample_points(gb.directions.points_2d(64))
-    pyramid = METHODS.get("filtered_importance_sampling").pyramid.function(
-        METHODS.create("filtered_importance_sampling", {}), light("spots")
-    )
-    arguments = (lobe, samples, pyramid, torch.tensor(-2.0))
+def test_fused_and_eager_kernels_hide_the_same(monkeypatch):
+    """Of a lobe alone: a diffuse part would be a second kernel to compile."""
 
-    eager, fused, blinded = (
-        over_points(filtered._isotropic, points, 64, *arguments, occluder, fuse=fuse)
-        for fuse, occluder in ((False, view().scene()), (True, view().scene()), (False, None))
-    )
+    def shown(visibility):
+        method = gb.method("filtered_importance_sampling", samples=64, visibility=visibility)
+        return shade(method, light("spots"), replace(MATERIAL, kd=0.0), view(), time_it=False).radiance
 
+    eager, blinded = shown("rays"), shown("none")
+    n_compiled = kernels.fused.cache_info().misses
+    monkeypatch.setattr(kernels, "FUSE_ABOVE", 0)
+    fused = shown("rays")
+
+    assert kernels.fused.cache_info().misses == n_compiled + 1
     torch.testing.assert_close(fused, eager, rtol=4e-7, atol=0)  # measured 8e-8
     assert (eager <= blinded).all()
     assert (eager < blinded).any()

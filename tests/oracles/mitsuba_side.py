@@ -9,7 +9,8 @@ from math import pi
 
 import numpy as np
 import pytest
-from test_reference import FACES, with_border
+
+from oracles.cube_by_hand import FACES, with_border
 
 mi = pytest.importorskip("mitsuba")
 mi.set_variant("scalar_rgb")

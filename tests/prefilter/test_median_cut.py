@@ -10,6 +10,7 @@ import torch
 import glossbench as gb
 from glossbench.directions import Vec3, stack
 from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.lights.synthetic import Constant
 from glossbench.errors import InputError
 from glossbench.prefilter.median_cut import median_cut, whole
 
@@ -152,3 +153,20 @@ def test_the_whole_light_is_one_region_of_all_power():
 def test_too_few_and_too_many_regions_are_refused(n_regions):
     with pytest.raises(InputError, match=f"needs 6 to 96 regions, got {n_regions}"):
         median_cut(random_light(4), n_regions)
+
+
+# All of a light as one.
+
+
+def test_a_light_without_a_direction_shines_from_above():
+    direction = whole(Constant(resolution=2).cubemap()).direction
+
+    assert [float(c) for c in direction] == [0.0, 1.0, 0.0]
+
+
+def test_a_mean_direction_is_kept_where_there_is_one():
+    light = Constant(resolution=2).cubemap()
+    faces = light.faces.clone()
+    faces[0] *= 2
+
+    assert float(whole(type(light)(faces, "brighter")).direction.x[0]) == pytest.approx(1.0)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from test_reference import MATERIALS, check_z, fine_light, lights
 
 import glossbench as gb
 from glossbench.directions import Vec3, cosine_hemisphere
@@ -21,6 +20,9 @@ from glossbench.shading.kernels import over_points
 from glossbench.truth import checkpoint as checkpoint_module
 from glossbench.truth import reference as ground_truth
 from glossbench.truth.reference import compute_reference
+from oracles.cube_by_hand import fine_light
+from oracles.texel_sums import MATERIALS, lights
+from oracles.z_scores import check_z
 
 # Rays: brute force in float64, every ray against every triangle (Moeller and Trumbore 1997).
 
@@ -423,7 +425,7 @@ def test_sums_of_another_seed_scene_or_source_are_not_taken_up(tmp_path, monkeyp
 
     assert (other.radiance == run(None, seed=1).radiance).all()
     assert len(list(tmp_path.iterdir())) == 1
-    monkeypatch.setattr(checkpoint_module, "numerics_hash", lambda: "another version")
+    monkeypatch.setattr(checkpoint_module, "code_hash", lambda *modules: "another version")
     assert (run(tmp_path).radiance == run(None).radiance).all()
     assert len(list(tmp_path.iterdir())) == 1
 

@@ -1,6 +1,5 @@
 """Lines of plots: means over lights, Pareto fronts, and what they would reach at equal times and equal errors."""
 
-import json
 from dataclasses import replace
 from statistics import NormalDist
 
@@ -16,10 +15,7 @@ from glossbench.reports.model.plots import over_axis
 from glossbench.reports.model.tables import equal_table
 from glossbench.reports.print.plots import facets
 from glossbench.reports.style import COLOURS
-from glossbench.study.labels import parsed
-
-RMS = {"few": [0.4, 0.1, 0.05], "many": [0.8, 0.3, 0.02]}
-SAMPLES = [4, 16, 64]
+from oracles.rows_by_hand import RMS, rows
 
 
 def line(name, index, ms, errors, at_floor=None):
@@ -31,23 +27,6 @@ def line(name, index, ms, errors, at_floor=None):
         np.array(errors, float),
         np.array(at_floor or [False] * n),
     )
-
-
-def rows(factors):
-    """Cells of two methods with three budgets under lights that make each error so many times as large."""
-    found = []
-    for seed, factor in enumerate(factors):
-        for method, errors in RMS.items():
-            for n, rms in zip(SAMPLES, errors, strict=True):
-                found.append(parsed({
-                    "key": f"{method}-{n}-{seed}", "reference_key": f"r{seed}", "light": "spots",
-                    "light_options": json.dumps({"seed": seed}), "material": "kurt", "material_options": "{}",
-                    "view": "sphere", "view_options": "{}", "method": method, "options": json.dumps({"samples": n}),
-                    "tuned": "{}", "status": "done", "reason": "", "rms": rms * factor, "at_noise_floor": False,
-                    "reference_noise": 1e-3 * factor, "reference_mean": 1.0, "n_samples": n, "shade_seconds": 1e-3 * n,
-                    "stage_seconds": "{}", "update_seconds": json.dumps({"light": 0.05}), "state_bytes": 2_000_000,
-                }))  # fmt: skip
-    return found
 
 
 def places(given, over="samples"):

@@ -6,8 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from markupsafe import Markup
-from test_pdf import text_of
-from test_reports import write_results
 
 from glossbench.columns import Column
 from glossbench.findings.columns import columns_of, columns_to_json
@@ -21,6 +19,8 @@ from glossbench.reports.page import html, payload
 from glossbench.reports.page.plot_data import plot_data
 from glossbench.reports.print import pdf
 from glossbench.run.results import Results
+from oracles.discs import write_results
+from oracles.pdf_pages import text_of
 
 METRICS = ["rms", "relative_rms", "mean_error", "max_error"]
 

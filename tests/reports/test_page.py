@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from test_reports import data_of, write_results
 
 from glossbench.reports import style
 from glossbench.reports.page import html
 from glossbench.reports.page.scripts import TEMPLATES
+from oracles.discs import data_of, three_lights, three_materials, write_results
 
 HOSTILE = "</script><img src=x onerror=\"window.hacked='yes'\"><script>window.hacked='yes'</script>"
 
@@ -296,20 +296,6 @@ def materials(tmp_path_factory):
     return html.write_report(three_materials(tmp_path_factory.mktemp("materials") / "discs", [1, 4, 64]))
 
 
-def three_materials(folder, values):
-    cells = pd.read_parquet(three_lights(folder) / "cells.parquet")
-    numbers = dict(zip(("ref0", "ref1", "ref2"), values, strict=True))
-    cells["material_options"] = [json.dumps({"s": numbers[key]}) for key in cells.reference_key]
-    cells["light_options"] = "{}"
-    cells["options"] = [
-        json.dumps({"samples": 64, "filter": "gauss"} if "-64-" in key else {"samples": 4, "filter": "box"})
-        for key in cells.key
-    ]
-    cells["tuned"] = "{}"
-    cells.to_parquet(folder / "cells.parquet")
-    return folder
-
-
 def choose(page, name, value):
     page.do(f"(() => {{ const s = document.getElementById('{name}'); s.value = '{value}'; "
             "s.dispatchEvent(new Event('change', {bubbles: true})); })()")  # fmt: skip
@@ -398,24 +384,6 @@ def test_an_axis_is_linear_where_a_value_is_not_positive(browser, tmp_path):
 
         assert (across[2] - across[0]) / (across[1] - across[0]) == pytest.approx(3, abs=0.01)
         assert "slope" not in page.text(".key")
-
-
-def three_lights(folder):
-    """The results of two materials as if they were two lights, and a third with the images of the first."""
-    write_results(folder, budgets=(4, 64))
-    cells = pd.read_parquet(folder / "cells.parquet")
-    cells["light_options"] = [json.dumps({"seed": key[-1]}) for key in cells.reference_key]
-    cells["material_options"] = "{}"
-    third = cells[cells.reference_key == "ref0"].assign(reference_key="ref2", light_options='{"seed": 9}')
-    third = third.assign(key=third.key + "-third", rms=2 * third.rms)
-    for kind, old, new in [
-        ("references", "ref0", "ref2"),
-        *(("images", k.removesuffix("-third"), k) for k in third.key),
-    ]:
-        for path in (folder / kind).glob(f"{old}*"):
-            (path.parent / path.name.replace(old, new)).write_bytes(path.read_bytes())
-    pd.concat([cells, third]).to_parquet(folder / "cells.parquet")
-    return folder
 
 
 # What did not run.

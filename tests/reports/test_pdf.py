@@ -7,13 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pypdfium2
-import pypdfium2.raw as pdfium
 import pytest
 import yaml
 from PIL import Image
-from test_page import three_materials
-from test_reports import CLAIMS, METHODS, SCRIPT, N, read_exr, write_results
 
 from glossbench.errors import InputError
 from glossbench.reports import raster, style, typesetting
@@ -28,6 +24,8 @@ from glossbench.reports.print.images import middle_budgets
 from glossbench.run.figures import FIGURES
 from glossbench.run.results import Results
 from glossbench.shading.method import METHODS as REGISTERED
+from oracles.discs import CLAIMS, METHODS, SCRIPT, N, read_exr, three_materials, write_results
+from oracles.pdf_pages import pages_of, text_of
 
 SOURCE_CODE = '#panic("x") #read("/etc/hostname") $x$ *b* @label'
 
@@ -57,38 +55,6 @@ def plain(monkeypatch):
 def imageless(monkeypatch):
     """What is said of plots needs no images."""
     monkeypatch.setattr(pdf, "_images", lambda *_: (None, []))
-
-
-def pages_of(content):
-    document = pypdfium2.PdfDocument(content)
-    try:
-        return [page_of(document[i]) for i in range(len(document))]
-    finally:
-        document.close()
-
-
-def page_of(page):
-    """Text, images (H, W, 3), number of paths, picture at 72 dpi, and the right ends of all letters, of a page."""
-    text = page.get_textpage()
-    objects = list(page.get_objects(max_depth=9))
-    found = {
-        "text": text.get_text_range(),
-        "images": [o.get_bitmap().to_numpy()[..., 2::-1] for o in objects if o.type == pdfium.FPDF_PAGEOBJ_IMAGE],
-        "n_paths": sum(o.type == pdfium.FPDF_PAGEOBJ_PATH for o in objects),
-        "picture": np.asarray(page.render(scale=1).to_pil().convert("RGB")).astype(int),
-        "lowest": min((o.get_bounds()[1] for o in objects if o.type == pdfium.FPDF_PAGEOBJ_IMAGE), default=np.inf),
-        "right": max((text.get_charbox(i)[2] for i in range(text.count_chars())), default=0.0) / page.get_width(),
-    }
-    text.close()
-    page.close()
-    return found
-
-
-def text_of(content):
-    """All text in one line, without marks of line breaks."""
-    return " ".join(
-        " ".join(page["text"] for page in pages_of(content)).replace("\u200b", "").replace("\x02", "").split()
-    )
 
 
 def test_first_page_has_title_question_verdicts_and_a_picture(report):

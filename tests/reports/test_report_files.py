@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_reports import write_results
 
 from glossbench.errors import InputError
 from glossbench.reports import style
 from glossbench.reports.page import html, payload
 from glossbench.run.manifest import Manifest
+from oracles.discs import write_results
 
 PLANTED = 'document.documentElement.setAttribute("data-planted", "1");'
 

@@ -7,8 +7,6 @@ import pandas as pd
 import pytest
 import yaml
 from markupsafe import Markup
-from test_pdf import text_of
-from test_reports import data_of, labels_of, write_results
 
 from glossbench.errors import InputError
 from glossbench.reports import style
@@ -18,6 +16,8 @@ from glossbench.reports.model.times import time_notes
 from glossbench.reports.page import html, payload
 from glossbench.reports.print import pdf, tables
 from glossbench.run.results import Results
+from oracles.discs import data_of, labels_of, write_results
+from oracles.pdf_pages import text_of
 
 
 @pytest.fixture(scope="module")

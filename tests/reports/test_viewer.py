@@ -15,12 +15,12 @@ import OpenEXR
 import pandas as pd
 import pytest
 from matplotlib import colormaps
-from test_reports import N, write_results
 
 from glossbench.metrics.perceptual import FLIP
 from glossbench.reports import style
 from glossbench.reports.page import html, payload, scripts
 from glossbench.run.folder import Folder
+from oracles.discs import N, write_results
 
 BUDGETS = (4, 64)
 METHODS = ("regular_sampling", "filtered_importance_sampling")

@@ -69,15 +69,15 @@ def gone():
 
 @pytest.fixture
 def study_of(tmp_path, monkeypatch):
-    for registry, cls in ((METHODS, Shown), (LIGHTS, Gone), (METRICS, Odd)):
-        registry.names()
-        monkeypatch.setitem(registry._classes, cls.name, cls)
 
     def make(light="constant", metrics="[rms]"):
         (tmp_path / "s.yaml").write_text(STUDY.replace("LIGHT", light).replace("METRICS", metrics))
         return load_study(tmp_path / "s.yaml")
 
-    return make
+    with METHODS.isolated(), LIGHTS.isolated(), METRICS.isolated():
+        for registry, cls in ((METHODS, Shown), (LIGHTS, Gone), (METRICS, Odd)):
+            registry.register(cls.name)(cls)
+        yield make
 
 
 @pytest.fixture

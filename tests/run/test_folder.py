@@ -6,13 +6,13 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_runner import Flat, interrupting, registered, remains, study_in
 
 from glossbench.atomic import replacing
 from glossbench.errors import CannotWrite, InputError
 from glossbench.run.results import AGAIN, Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.strict_json import numbers, sealed, unsealed
+from oracles.flat_studies import Flat, interrupting, registered, remains, study_in
 
 STUDY = {
     "methods": "[{flat: {samples: [1, 2]}}, {regular_sampling: }]",
@@ -22,16 +22,16 @@ STUDY = {
 
 
 @pytest.fixture(autouse=True)
-def names(monkeypatch):
-    registered(monkeypatch)
+def names():
+    with registered():
+        yield
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A study, the folder of its results, and what remains of them."""
     folder = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
-        registered(patch)
+    with registered():
         study = study_in(folder, **STUDY)
         return study, run_study(study, folder / "r").folder, remains(folder / "r")
 
@@ -74,7 +74,12 @@ def flipped(path: Path) -> None:
 
 DAMAGE = [emptied, halved, flipped, Path.unlink]
 OF_CELLS = ["images/*[0-9a-f].exr", "images/*_half_vectors.npy"]
-OF_REFERENCES = ["references/*[0-9a-f].exr", "references/*_standard_error.exr", "references/*_mask.png"]
+OF_REFERENCES = [
+    "references/*[0-9a-f].exr",
+    "references/*_standard_error.exr",
+    "references/*_deviates.npz",
+    "references/*_mask.png",
+]
 
 
 @pytest.mark.parametrize(
@@ -179,7 +184,9 @@ def full(monkeypatch, ending: str) -> None:
         monkeypatch.setattr(f"glossbench.{module}.replacing", Full)
 
 
-@pytest.mark.parametrize("ending", ["_standard_error.exr", "_mask.png", "_half_vectors.npy", "cells.parquet"])
+@pytest.mark.parametrize(
+    "ending", ["_standard_error.exr", "_deviates.npz", "_mask.png", "_half_vectors.npy", "cells.parquet"]
+)
 def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_path, ending):
     study, _, expected = made
     with pytest.MonkeyPatch.context() as patch:
@@ -197,7 +204,7 @@ def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_p
 def test_a_limit_on_the_size_of_files_is_one_line(tmp_path):
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, before[1]))
     try:
         with pytest.raises(CannotWrite, match=r"r/references/\S+: cannot be written: .*[Ff]ile too large"):
             run_study(study_in(tmp_path, view="{sphere: {resolution: 32}}"), tmp_path / "r")

@@ -91,12 +91,11 @@ plugins: [hostile_plugin]
 @pytest.fixture
 def study_of(tmp_path, monkeypatch):
     """Makes a study of decent cells before and after a hostile one, whose body is given."""
-    return maker(tmp_path, monkeypatch)
+    with METHODS.isolated():
+        yield maker(tmp_path, monkeypatch)
 
 
 def maker(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Study]:
-    METHODS.names()
-    monkeypatch.setattr(METHODS, "_classes", dict(METHODS._classes))
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
 
@@ -104,8 +103,6 @@ def maker(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Study]
         code = PLUGIN.format(shade=shade, stage=stage, supports=supports, n_samples=n_samples)
         (folder / "hostile_plugin.py").write_text(code)
         monkeypatch.delitem(sys.modules, "hostile_plugin", raising=False)
-        for name in ("hostile", "decent"):
-            METHODS._classes.pop(name, None)
         methods = "[decent, hostile, {decent: {samples: 3}}]" if hostile else "[decent, {decent: {samples: 3}}]"
         path = folder / "s.yaml"
         path.write_text(STUDY.replace("METHODS", methods).replace("LIMIT", str(limit)))

@@ -99,11 +99,14 @@ def test_a_reference_is_read_back_in_single_precision(results):
     radiance, error = torch.rand(2, 5, 4, 3, generator=generator, dtype=torch.float64)
     mask = torch.rand(5, 4, generator=generator) < 0.5
 
-    results.add_reference("k", Reference(radiance, error, mask, 2048), 1.5)
+    deviates = torch.randn(8, 5, 4, 3, generator=generator).half()
+
+    results.add_reference("k", Reference(radiance, error, mask, 2048, deviates), 1.5)
 
     assert results.has_reference("k")
     assert results.reference("k").tobytes() == radiance.float().numpy().tobytes()
     assert results.standard_error("k").tobytes() == error.float().numpy().tobytes()
+    assert results.deviates("k").tobytes() == deviates.numpy().tobytes()
     assert (results.mask("k") == mask.numpy()).all()
     assert results.reference_numbers("k") == {"n_samples": 2048, "seconds": 1.5}
     assert hidden(results.folder) == []

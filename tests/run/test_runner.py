@@ -7,127 +7,29 @@ import signal
 import subprocess
 import sys
 import time
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
 
 import pytest
 import torch
-from pydantic import Field
 
 from glossbench.errors import InputError
-from glossbench.metrics import METRICS, Metric
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.run.tuning import tune_option
-from glossbench.shading.method import METHODS, Method, stage
 from glossbench.study.cells import Tune
 from glossbench.study.document import read_document
-from glossbench.study.study import Study, load_study
-
-TIMES = [
-    "stage_seconds", "update_seconds", "shade_seconds", "shade_seconds_low", "shade_seconds_high", "shade_runs", "busy",
-    "reference_seconds",
-]  # fmt: skip
-CALLS: Counter[str] = Counter()
-
-
-@stage
-def mean_light(self, light):
-    """A stage that two methods share."""
-    CALLS["mean_light"] += 1
-    return light.faces.mean((0, 1, 2))
-
-
-class Flat(Method):
-    """Shows one radiance everywhere."""
-
-    name = "flat"
-    samples: int = 1
-    level: Annotated[float, Field(ge=0, le=1)] = 0.5
-    seed: int = 0
-    fails: ClassVar[bool] = False
-
-    mean_light = mean_light
-
-    def supports(self, material, scene):
-        return "too many samples" if self.samples > 100 else None
-
-    def shade(self, points, material, mean_light):
-        CALLS[f"flat {self.samples}"] += 1
-        if self.fails and self.samples == 2:
-            raise RuntimeError("planted [/fault]")
-        return torch.full((len(points), 3), self.level)
-
-
-class Other(Method):
-    """The same options as another method of the same file, and another image."""
-
-    name = "other"
-    samples: int = 1
-    level: Annotated[float, Field(ge=0, le=1)] = 0.5
-    seed: int = 0
-
-    mean_light = mean_light
-
-    def shade(self, points, material, mean_light):
-        return mean_light.expand(len(points), 3).contiguous()
-
-
-class Reckless(Flat):
-    """The planted fault of a stage of one's own in place of a shared one."""
-
-    name = "reckless"
-
-    @stage
-    def mean_light(self, light):
-        CALLS["mean_light"] += 1
-        return light.faces.mean((0, 1, 2)) + 0 * self.samples
-
-
-class Distance(Metric):
-    """How far the image is from 0.37, whatever the truth; with a sign."""
-
-    name = "distance"
-    formula = "mean(x) - 0.37"
-    unit = "1"
-
-    def errors(self, x, y, mask):
-        """The map."""
-        return x.mean(axis=2) - 0.37
-
-
-def registered(patch: pytest.MonkeyPatch) -> None:
-    """The methods and the metric of this file can be named."""
-    METHODS.names()
-    METRICS.names()
-    for cls in (Flat, Other, Reckless):
-        patch.setitem(METHODS._classes, cls.name, cls)
-    patch.setitem(METRICS._classes, "distance", Distance)
-    patch.setattr(Flat, "fails", False)
+from glossbench.study.study import load_study
+from oracles.flat_studies import CALLS, Flat, interrupting, registered, remains, study_in
 
 
 @pytest.fixture(autouse=True)
-def names(monkeypatch):
-    registered(monkeypatch)
-    CALLS.clear()
-
-
-def study_in(folder: Path, **changes: Any) -> Study:
-    """A small study; keys that are given replace its own."""
-    keys = {
-        "title": "T",
-        "light": "{gradient: {resolution: 16}}",
-        "material": "{ggx: {alpha: 0.5}}",
-        "view": "{sphere: {resolution: 8}}",
-        "methods": "{flat: {samples: [1, 2, 3]}}",
-        "reference": "{relative_error: 0.05}",
-    } | changes
-    (folder / "s.yaml").write_text("".join(f"{key}: {value}\n" for key, value in keys.items()))
-    return load_study(folder / "s.yaml")
+def names():
+    with registered():
+        CALLS.clear()
+        yield
 
 
 @pytest.fixture
@@ -140,8 +42,7 @@ def study_of(tmp_path):
 def first(tmp_path_factory):
     """The results of that study as it is."""
     folder = tmp_path_factory.mktemp("first")
-    with pytest.MonkeyPatch.context() as patch:
-        registered(patch)
+    with registered():
         return run_study(study_in(folder), folder / "r").folder
 
 
@@ -151,32 +52,12 @@ def first_again(first, tmp_path):
     return shutil.copytree(first, tmp_path / "r")
 
 
-def remains(folder: Path) -> dict[str, bytes]:
-    """All that a run left but times: the table without their columns, the study, the verdicts, the images."""
-    table = Results(folder).cells.drop(columns=TIMES).to_parquet()
-    names = [path for path in folder.rglob("*") if path.suffix in (".exr", ".png", ".yaml", ".npy")]
-    files = {str(path.relative_to(folder)): path.read_bytes() for path in [*names, folder / "claims.json"]}
-    return {"table": table, **files}
-
-
 def assert_whole(folder: Path) -> None:
     """No file is half-written, and none is left over."""
     assert not list(folder.rglob(".*")) + list(folder.rglob("*.part"))
     keys = set(Results(folder).cells["key"])
     assert {path.stem for path in (folder / "cells").iterdir()} == keys
     assert {path.stem.removesuffix("_half_vectors") for path in (folder / "images").iterdir()} <= keys
-
-
-def interrupting(call, at: int):
-    """A function that is interrupted when it is called for the at-th time, from 0."""
-    count = iter(range(10**6))
-
-    def interrupted(*args: Any, **kwargs: Any) -> Any:
-        if next(count) == at:
-            raise KeyboardInterrupt
-        return call(*args, **kwargs)
-
-    return interrupted
 
 
 # Killed and restarted
@@ -191,8 +72,7 @@ EVERY_KIND = {
 def whole(tmp_path_factory):
     """A study with a cell of each kind, and the results of its run when nobody stops it."""
     folder = tmp_path_factory.mktemp("whole")
-    with pytest.MonkeyPatch.context() as patch:
-        registered(patch)
+    with registered() as patch:
         patch.setattr(Flat, "fails", True)
         study = study_in(folder, **EVERY_KIND)
         return study, run_study(study, folder / "unbroken")
@@ -327,7 +207,6 @@ def slow_study(study_of, tmp_path, monkeypatch):
     (tmp_path / "runner_test_plugin.py").write_text(PLUGIN)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "runner_test_plugin", raising=False)
-    monkeypatch.setattr(METHODS, "_classes", dict(METHODS._classes))
     return study_of(methods="{slow: {samples: [1, 2, 3]}}", plugins="[runner_test_plugin]")
 
 

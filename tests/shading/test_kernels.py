@@ -6,17 +6,29 @@ import pytest
 import torch
 
 from glossbench.brdf.kurt import Kurt
-from glossbench.directions import points_2d
+from glossbench.directions import points_2d, spherical, to_local, to_world
 from glossbench.envmap.lights.synthetic import Spots
-from glossbench.envmap.pyramid import build_pyramid
-from glossbench.methods.environment_sampling import EnvironmentSampling
-from glossbench.methods.environment_sampling import _kernel as light_kernel
-from glossbench.methods.filtered_importance_sampling import _isotropic as kernel
+from glossbench.envmap.pyramid import build_pyramid, weighted_radiance
 from glossbench.scene.sphere import Sphere
 from glossbench.shading import kernels as fusion
 from glossbench.shading.kernels import can_fuse, fused, over_points
 
 N = 32
+
+
+def kernel(points, lobe, samples, pyramid, level):
+    """A sum over samples of a lobe, each from a level of a pyramid that its density gives."""
+    wi, pdf, weight = lobe.sample(points.wo_local(), samples)
+    d = to_world(wi, points.t, points.b, points.n)
+    lod = level + 0.5 * (pyramid.log2_texels_per_sr(d) - torch.log2(pdf))
+    return weighted_radiance(pyramid, d, lod, weight)
+
+
+def product(points, reflectance, directions, power):
+    """A sum over lights (1, N) of so much power (N, 3), as a product of matrices for each channel of the material."""
+    wi = to_local(directions, points.t, points.b, points.n)
+    values = [f * wi.z.clamp(min=0) @ power for f in reflectance.f(points.wo_local(), wi)]
+    return torch.stack([value[:, c] for c, value in enumerate(values)], dim=1)
 
 
 @pytest.fixture(scope="module")
@@ -51,13 +63,12 @@ def test_chunks_of_any_size_give_the_same_image(monkeypatch, arguments, pairs):
 def test_chunks_of_a_kernel_that_multiplies_matrices_agree(monkeypatch, pairs):
     points = Sphere(resolution=40).points()
     reflectance = Kurt(m=(0.2, 0.1), kd=(0.1, 0.2, 0.3)).reflectance()
-    lights = EnvironmentSampling(samples=500).lights.function(
-        EnvironmentSampling(samples=500), Spots(seed=7, resolution=32).cubemap()
-    )
-    whole = over_points(light_kernel, points, 500, reflectance, lights, fuse=False)
+    u = points_2d(500)
+    lights = spherical(torch.pi * u[None, :, 0], 2 * torch.pi * u[None, :, 1]), torch.rand(500, 3)
+    whole = over_points(product, points, 500, reflectance, *lights, fuse=False)
     monkeypatch.setattr(fusion, "CHUNK", pairs)
 
-    chunked = over_points(light_kernel, points, 500, reflectance, lights, fuse=False)
+    chunked = over_points(product, points, 500, reflectance, *lights, fuse=False)
 
     # Measured: the same bytes; a matrix product of another shape may still sum in another order.
     torch.testing.assert_close(chunked, whole, rtol=2e-6, atol=0)

@@ -98,5 +98,17 @@ def test_a_view_of_other_points_than_its_mask_is_refused(monkeypatch, mask, poin
         check_view(Seen())
 
 
-def test_a_sound_view_is_taken():
-    check_view(gb.view("sphere", resolution=4))
+def is_refused(view) -> bool:
+    try:
+        check_view(view)
+    except MethodError:
+        return True
+    return False
+
+
+def test_a_sound_view_is_taken(monkeypatch):
+    monkeypatch.setattr(Seen, "mask", lambda self: gb.view("sphere", resolution=4).mask())
+    monkeypatch.setattr(Seen, "points", lambda self: gb.view("sphere", resolution=5).points())
+
+    assert not is_refused(gb.view("sphere", resolution=4))
+    assert is_refused(Seen())

@@ -6,7 +6,7 @@ import torch
 from glossbench.envmap.lights.synthetic import Constant
 from glossbench.errors import MethodError
 from glossbench.shading.method import Method, prepare, stage
-from glossbench.shading.stage_cache import StageCache
+from glossbench.shading.stage_cache import StageCache, option_of
 
 LIGHT = Constant(radiance=(1.0, 1.0, 1.0), resolution=2).cubemap()
 INPUTS = {"light": LIGHT, "material": "m", "scene": "s", "view": "v"}
@@ -128,3 +128,57 @@ def test_the_type_of_an_option_counts_beside_its_value():
 
     assert prepare(Chained(x=1.0), INPUTS, cache)["first"].value.dtype == torch.float32
     assert prepare(Whole(x=1), INPUTS, cache)["first"].value.dtype == torch.int64
+
+
+@stage
+def tone(self, light):
+    return torch.full((4,), {"warm": 1.0, "cold": 2.0}[option_of(self, "tone_of", "warm")])
+
+
+class Plain(Method):
+    tone = tone
+
+    def shade(self, points, tone):
+        return tone[:3].expand(len(points), 3)
+
+
+class Toned(Plain):
+    tone_of: str = "warm"
+
+
+def test_a_method_without_an_option_shares_the_stage_of_those_that_have_its_default():
+    cache = StageCache()
+    values = {
+        name: prepare(method, INPUTS, cache)["tone"].value
+        for name, method in {"plain": Plain(), "warm": Toned(), "cold": Toned(tone_of="cold")}.items()
+    }
+
+    assert values["plain"] is values["warm"]
+    assert values["cold"].tolist() == [2.0] * 4
+    assert prepare(Plain(), INPUTS, cache)["tone"].value is values["plain"]
+
+
+def test_a_method_without_an_option_does_not_share_the_stage_of_another_value():
+    cache = StageCache()
+
+    cold, plain = (prepare(m, INPUTS, cache)["tone"].value for m in (Toned(tone_of="cold"), Plain()))
+
+    assert (cold[0], plain[0]) == (2.0, 1.0)
+
+
+class AskedForItsReading(Method):
+    """Its options are called as the parts of what records them."""
+
+    values: int = 3
+    read: int = 4
+
+    @stage
+    def total(self, light):
+        return torch.full((4,), float(self.values + self.read))
+
+    def shade(self, points, total):
+        return total[:3].expand(len(points), 3)
+
+
+def test_options_may_be_called_as_the_recorder_calls_its_parts():
+    assert prepare(AskedForItsReading(), INPUTS, StageCache())["total"].value[0] == 7

@@ -5,6 +5,7 @@ import json
 import math
 import re
 import sys
+from contextlib import ExitStack
 from importlib import resources
 from itertools import product
 from pathlib import Path
@@ -91,7 +92,7 @@ class Drawn(Method):
 
 
 @pytest.fixture(autouse=True)
-def names(monkeypatch):
+def names():
     """The registries hold the classes above, and nothing that other code registers."""
     kinds = [
         (LIGHTS, [Glow, FileLight]),
@@ -99,9 +100,10 @@ def names(monkeypatch):
         (VIEWS, [Round]),
         (METHODS, [Sampler, Needy, Drawn]),
     ]
-    for registry, classes in kinds:
-        monkeypatch.setattr(registry, "_classes", {cls.name: cls for cls in classes})
-        monkeypatch.setattr(registry, "_discovered", True)
+    with ExitStack() as stack:
+        for registry, classes in kinds:
+            stack.enter_context(registry.isolated(only=classes))
+        yield
 
 
 @pytest.fixture

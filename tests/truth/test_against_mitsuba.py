@@ -1,40 +1,20 @@
 """The reference of a sphere against Mitsuba 3: two programs that share the light's texels and nothing else."""
 
 from functools import cache
-from math import sqrt
 
 import numpy as np
 import pytest
-from mitsuba_side import (
-    N_RENDERS,
-    conductor,
-    cook_torrance,
-    diffuse,
-    emitter,
-    ggx,
-    interpolant,
-    kurt,
-    mi,
-    phong,
-    render,
-)
-from scipy.stats import chi2, norm
-from scipy.stats import t as student
 
 import glossbench as gb
 from glossbench.brdf.ggx import TrowbridgeReitz
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.truth import reference as ground_truth
-from glossbench.truth.reference import N_REPLICATES, compute_reference
+from glossbench.truth.reference import compute_reference
+from oracles.mitsuba_agreement import LIGHTS, check_agreement, light_of, their_light
+from oracles.mitsuba_side import conductor, cook_torrance, diffuse, emitter, ggx, interpolant, kurt, mi, phong, render
 
 VIEW = gb.view("sphere", resolution=14)  # 156 pixels, n . wo from 0.10 to 0.997
 
-LIGHTS = {
-    "gradient": lambda: gb.light("gradient", resolution=32),
-    "spots": lambda: gb.light("spots", seed=2, n_spots=12, contrast=3000, resolution=64),
-    "orientation": lambda: gb.light("orientation", resolution=16),
-    "grace": lambda: gb.light("grace_cross.hdr", resolution=32),
-}
 COPPER = (0.9, 0.6, 0.2)
 # Ours by name and options, theirs.
 MATERIALS = {
@@ -70,16 +50,6 @@ CASES = [
 
 
 @cache
-def light_of(name):
-    return LIGHTS[name]()
-
-
-@cache
-def their_light(name):
-    return emitter(interpolant(light_of(name).faces.double().numpy()))
-
-
-@cache
 def theirs(material, light):
     """Radiance (S, P, 3) of Mitsuba's renders."""
     return render(their_light(light), MATERIALS[material][1](), VIEW.resolution)
@@ -90,31 +60,6 @@ def ours(material, light):
     name, options = material
     truth = compute_reference(light, gb.material(name, **options), VIEW, relative_error=3e-3)
     return truth.radiance[truth.mask].numpy(), truth.standard_error[truth.mask].numpy()
-
-
-def scores(a, error_a, b, error_b):
-    """Standard normal scores of a - b by Welch's test: Student's t of n - 1 degrees has tails that are not normal's."""
-    square_a, square_b = error_a**2, error_b**2
-    degrees = (square_a + square_b) ** 2 / (square_a**2 / (N_REPLICATES - 1) + square_b**2 / (N_RENDERS - 1))
-    return norm.isf(student.sf(np.abs(a - b) / np.sqrt(square_a + square_b), degrees))
-
-
-def check_agreement(radiance, standard_error, renders):
-    """Three tests, each passed with 99 % by all cases together (Sidak) if the two images are of the same thing."""
-    p = 1 - 0.99 ** (1 / len(CASES))
-
-    z = scores(radiance, standard_error, renders.mean(0), renders.std(0, ddof=1) / sqrt(N_RENDERS))
-    assert np.abs(z).max() < norm.isf((1 - (1 - p) ** (1 / z.size)) / 2)
-
-    # Mitsuba's pixels are independent of each other, its channels are not.
-    squares = (z**2).sum(0)
-    assert (squares < chi2.isf(p / 6, len(z))).all()
-    assert (squares > chi2.ppf(p / 6, len(z))).all()
-
-    # Our pixels share their samples: the error of their mean is at most the mean of their errors.
-    means = renders.mean(1)
-    mean_z = scores(radiance.mean(0), standard_error.mean(0), means.mean(0), means.std(0, ddof=1) / sqrt(N_RENDERS))
-    assert np.abs(mean_z).max() < norm.isf(p / 6)
 
 
 @pytest.fixture
@@ -134,7 +79,7 @@ def test_reference_of_a_sphere_is_the_image_of_mitsuba(material, light, request)
     radiance, standard_error = ours(MATERIALS[material][0], light_of(light))
 
     # Median standard error of a pixel: Mitsuba's 1.7 % to 6.8 %, ours 0.3 % at most. Largest |z| 3.9, z^2 0.82 to 1.15.
-    check_agreement(radiance, standard_error, theirs(material, light))
+    check_agreement(radiance, standard_error, theirs(material, light), len(CASES))
 
 
 # Faults planted on our side.
@@ -189,7 +134,7 @@ def test_agreement_notices_a_fault(fault, material, light, monkeypatch):
     radiance, standard_error = ours(*fault(monkeypatch))
 
     with pytest.raises(AssertionError):
-        check_agreement(radiance, standard_error, theirs(material, light))
+        check_agreement(radiance, standard_error, theirs(material, light), len(CASES))
 
 
 # That both are given the same.

@@ -13,7 +13,6 @@ from scipy.stats import f as f_distribution
 from scipy.stats import t as student
 
 from glossbench.brdf.cook_torrance import CookTorrance
-from glossbench.brdf.ggx import GGX
 from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.microfacet import Beckmann
 from glossbench.brdf.phong import Phong
@@ -25,158 +24,14 @@ from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import Sphere, UnitSphere
 from glossbench.truth import reference as ground_truth
 from glossbench.truth.reference import N_REPLICATES, compute_reference
+from oracles.cube_by_hand import centres, face_points, with_border
+from oracles.texel_sums import MATERIALS, VIEW, Glossy, extrapolated, lights, sum_texels
+from oracles.z_scores import check_z, reference, z_limit
 
-VIEW = Sphere(resolution=6)
 N_SEEDS = 20
-# The face table of the cube's convention: normal, to the right, down.
-FACES = np.array(
-    [
-        [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
-        [[-1, 0, 0], [0, 0, -1], [0, -1, 0]],
-        [[0, 1, 0], [1, 0, 0], [0, 0, -1]],
-        [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
-        [[0, 0, 1], [-1, 0, 0], [0, -1, 0]],
-        [[0, 0, -1], [1, 0, 0], [0, -1, 0]],
-    ],
-    dtype=float,
-)
 
-
-# Exact summation in float64: the light's bilinear interpolant at sub-texel centres, times their solid angles.
-
-
-def centres(n):
-    return (2 * np.arange(n) + 1) / n - 1
-
-
-def face_points(s, t):
-    """Points (6, len(t), len(s), 3) of the cube [-1, 1]^3."""
-    n, right, down = (FACES[:, None, None, k] for k in range(3))
-    return n + s[None, None, :, None] * right + t[None, :, None, None] * down
-
-
-def with_border(faces):
-    """Each border texel is the texel of another face whose centre lies nearest to the edge between them."""
-    r = faces.shape[1]
-    points = face_points(centres(r), centres(r))
-    padded = np.zeros((6, r + 2, r + 2, 3))
-    padded[:, 1:-1, 1:-1] = faces
-    for face in range(6):
-        others = [k for k in range(6) if k != face]
-        d, colors = points[others].reshape(-1, 3), faces[others].reshape(-1, 3)
-        for i, s in enumerate(centres(r)):
-            places = {(0, i + 1): (s, -1), (-1, i + 1): (s, 1), (i + 1, 0): (-1, s), (i + 1, -1): (1, s)}
-            for place, (a, b) in places.items():
-                edge = FACES[face, 0] + a * FACES[face, 1] + b * FACES[face, 2]
-                padded[(face, *place)] = colors[np.argmin(((d - edge) ** 2).sum(1))]
-        for y, x, ny, nx in ((0, 0, 1, 1), (0, -1, 1, -2), (-1, 0, -2, 1), (-1, -1, -2, -2)):
-            padded[face, y, x] = (padded[face, ny, nx] + padded[face, y, nx] + padded[face, ny, x]) / 3
-    return padded
-
-
-def fine_light(faces, k):
-    """Directions, radiance and solid angles of k^2 sub-texels a texel, flat."""
-    r = faces.shape[1]
-    at = (np.arange(r * k) + 0.5) / k + 0.5  # in the padded grid, whose texel centres are integers
-    low, part = at.astype(int), at % 1
-    padded = with_border(faces)
-    rows = padded[:, low] * (1 - part)[:, None, None] + padded[:, low + 1] * part[:, None, None]
-    radiance = rows[:, :, low] * (1 - part)[:, None] + rows[:, :, low + 1] * part[:, None]
-    points = face_points(centres(r * k), centres(r * k))
-    distance = np.linalg.norm(points, axis=-1, keepdims=True)
-    edge = np.linspace(-1, 1, r * k + 1)
-    corner = np.arctan2(edge[None] * edge[:, None], np.sqrt(edge[None] ** 2 + edge[:, None] ** 2 + 1))
-    solid_angle = np.broadcast_to(np.diff(np.diff(corner, axis=0), axis=1), (6, r * k, r * k))
-    return (points / distance).reshape(-1, 3), radiance.reshape(-1, 3), solid_angle.reshape(-1)
-
-
-@dataclass(frozen=True)
-class Glossy:
-    """A material by hand."""
-
-    model: str
-    widths: tuple[float, float]
-    f0: tuple[float, ...] = (1.0, 1.0, 1.0)
-    kd: tuple[float, ...] = (0.0, 0.0, 0.0)
-    shadowing: float = 0.0
-    width_factor: float = 1.0
-
-    def material(self):
-        if self.model == "kurt":
-            return Kurt(m=self.widths, f0=self.f0, kd=self.kd, shadowing=self.shadowing)
-        return GGX(alpha=self.widths, f0=self.f0, kd=self.kd)
-
-    def f(self, wo, wi):
-        """BRDF (N, 3) for light directions (N, 3), all above the surface."""
-        w_x, w_y = (w * self.width_factor for w in self.widths)
-        h = wo + wi
-        h = h / np.linalg.norm(h, axis=1, keepdims=True)
-        c = h @ wo
-        slope2 = ((h[:, 0] / w_x) ** 2 + (h[:, 1] / w_y) ** 2) / h[:, 2] ** 2
-        peak = pi * w_x * w_y * h[:, 2] ** 4
-        if self.model == "kurt":
-            value = np.exp(-slope2) / peak / (4 * c * (wi[:, 2] * wo[2]) ** self.shadowing)
-        else:
-            tails = [
-                (np.sqrt(1 + ((w_x * v[..., 0]) ** 2 + (w_y * v[..., 1]) ** 2) / v[..., 2] ** 2) - 1) / 2
-                for v in (wo, wi)
-            ]
-            value = 1 / (peak * (1 + slope2) ** 2) / (4 * wi[:, 2] * wo[2] * (1 + tails[0] + tails[1]))
-        fresnel = np.array(self.f0) + (1 - np.array(self.f0)) * ((1 - c) ** 5)[:, None]
-        return np.array(self.kd) / pi + fresnel * value[:, None]
-
-
-def pixels():
-    """Frames (P, 3, 3), rows t, b, n, and wo of the sphere's pixels, from its own words."""
-    at = centres(VIEW.resolution)
-    x, y = np.meshgrid(at, -at)
-    inside = x * x + y * y < 1
-    n = np.stack([x[inside], y[inside], np.sqrt(1 - x[inside] ** 2 - y[inside] ** 2)], axis=1)
-    t = np.cross([0.0, 1.0, 0.0], n)
-    t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    return np.stack([t, np.cross(n, t), n], axis=1)
-
-
-def sum_texels(glossy, faces, k=8, cosine=True):
-    """Radiance (P, 3) of the view's pixels."""
-    d, radiance, solid_angle = fine_light(faces, k)
-    lit = radiance.any(axis=1)
-    d, weighted = d[lit], (radiance * solid_angle[:, None])[lit]
-    image = []
-    for frame in pixels():
-        wi = d @ frame.T
-        above = wi[:, 2] > 0
-        f = glossy.f(frame @ [0.0, 0.0, 1.0], wi[above])
-        image.append((f * weighted[above] * (wi[above, 2:] if cosine else 1)).sum(0))
-    return np.array(image)
-
-
-# Lights and materials.
-
-
-@cache
-def lights():
-    rng = np.random.default_rng(3)
-    rough = (10 ** rng.uniform(-1, 1.5, (6, 16, 16, 1)) * rng.uniform(0.5, 1, (6, 16, 16, 3))).astype(np.float32)
-    spot = np.full((6, 16, 16, 3), 0.05, np.float32)
-    spot[4, 6:8, 9:11], spot[2, 15, 0], spot[0, 3, 14] = (50.0, 30.0, 10.0), (5.0, 20.0, 80.0), 40.0
-    return {"rough": CubeMap(torch.tensor(rough), "rough"), "spot": CubeMap(torch.tensor(spot), "spot")}
-
-
-MATERIALS = {
-    "kurt": Glossy("kurt", (0.15, 0.15)),
-    "kurt_anisotropic": Glossy("kurt", (0.4, 0.15), (0.9, 0.6, 0.2), shadowing=0.3),
-    "ggx_diffuse": Glossy("ggx", (0.2, 0.2), (0.04, 0.04, 0.04), kd=(0.5, 0.3, 0.1)),
-    "ggx_anisotropic": Glossy("ggx", (0.5, 0.2), (0.9, 0.7, 0.3)),
-}
 # Each light and each material; the other pairs stand below, sharper or over 20 seeds.
 CASES = [("rough", "kurt_anisotropic"), ("rough", "ggx_anisotropic"), ("spot", "kurt"), ("spot", "ggx_diffuse")]
-
-
-def extrapolated(glossy, light, k=8):
-    """Midpoint sums at k / 2 and k sub-texels along an edge, extrapolated: the error falls as k^-2."""
-    coarse, fine = (sum_texels(glossy, light.faces.double().numpy(), n) for n in (k // 2, k))
-    return (4 * fine - coarse) / 3
 
 
 @cache
@@ -184,27 +39,11 @@ def exact(light, material):
     return extrapolated(MATERIALS[material], lights()[light])
 
 
-def reference(light, material, relative_error=2e-3, seed=0):
-    """Radiance and standard error (P, 3)."""
-    truth = compute_reference(light, material, VIEW, relative_error=relative_error, seed=seed)
-    return truth.radiance[truth.mask].numpy(), truth.standard_error[truth.mask].numpy()
-
-
 @cache
 def seeds_of(light, material):
     """Radiance and standard error (S, P, 3) of 20 seeds."""
     runs = [reference(lights()[light], MATERIALS[material].material(), 4e-2, seed) for seed in range(N_SEEDS)]
     return np.stack([r[0] for r in runs]), np.stack([r[1] for r in runs])
-
-
-def z_limit(n_values):
-    """|z| that n values together pass with 99 %, Sidak: each is a Student's t with 15 degrees of freedom."""
-    return student.isf((1 - 0.99 ** (1 / n_values)) / 2, N_REPLICATES - 1)
-
-
-def check_z(radiance, standard_error, truth, n_tests=4):
-    z = (radiance - truth) / standard_error
-    assert np.abs(z).max() < z_limit(z.size * n_tests)
 
 
 @pytest.mark.parametrize(("light", "material"), CASES)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from glossbench.brdf.measured.half_difference import azimuth
-from glossbench.channels import Channels
+from glossbench.channels import Channels, scalar
 from glossbench.directions import Vec3, dot, reflect
 
 VIEWS, RINGS, SECTORS = 45, 90, 36  # of the angle of the view, of the half vector's angle and azimuth
@@ -112,7 +112,7 @@ def half_vector_density(f: Callable[[Vec3, Vec3], Channels], device: str) -> Hal
     mass = torch.empty(VIEWS, RINGS, SECTORS, dtype=torch.float64)
     for view in range(VIEWS):
         theta = (view + 0.5) * pi / (2 * VIEWS)
-        wo = Vec3(*(torch.tensor(k, dtype=torch.float32, device=device) for k in (sin(theta), 0.0, cos(theta))))
+        wo = Vec3(*(scalar(k, device) for k in (sin(theta), 0.0, cos(theta))))
         c = dot(wo, h)
         wi = reflect(wo, h)
         value = torch.stack(f(wo, wi)).double().mean(0) * wi.z * 4 * c

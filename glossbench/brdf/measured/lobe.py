@@ -9,7 +9,7 @@ from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe, Sample
 from glossbench.brdf.measured.half_vector_density import HalfVectorDensity, TabulatedPoints, half_vector_density
-from glossbench.channels import Channels, widen
+from glossbench.channels import Channels, scalar, widen
 from glossbench.directions import Vec3, dot, half_vector, reflect
 
 
@@ -63,7 +63,7 @@ class MeasuredLobe(Lobe):
 def measured_lobe(table: Table, known_only: bool, device: str) -> MeasuredLobe:
     """The lobe of a table on a device; its widths are those of the density seen along the normal."""
     density = half_vector_density(partial(table_values, table, known_only), device)
-    m = torch.tensor(density.width(), dtype=torch.float32, device=device)
+    m = scalar(density.width(), device)
     return MeasuredLobe((m, m), (torch.ones((), device=device),), table, known_only, density)
 
 

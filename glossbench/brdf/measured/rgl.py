@@ -12,7 +12,7 @@ from torch import Tensor
 
 from glossbench.brdf.measured.half_difference import azimuth
 from glossbench.brdf.measured.tensor_file import read_tensors
-from glossbench.channels import LARGEST, Channels
+from glossbench.channels import LARGEST, Channels, scalar
 from glossbench.directions import Vec3, half_vector
 from glossbench.errors import InputError
 
@@ -185,7 +185,7 @@ def read_rgl(path: Path, device: str) -> tuple[AdaptiveTable, int]:
         (on(_doubled(arrays["ndf"])),) if facets else (),
         (on(_doubled(arrays["sigma"])),) if facets else (),
         on(filled.reshape(len(theta), *rgb.shape[3:])),
-        torch.tensor(theta[-2] if repeated else theta[-1], dtype=torch.float32, device=device),
+        scalar(theta[-2] if repeated else theta[-1], device),
     ), int((rgb < 0).sum())
 
 

@@ -6,9 +6,9 @@ from math import pi
 import torch
 from torch import Tensor
 
+from glossbench.channels import LUMINANCE
 from glossbench.directions import vec3
 from glossbench.envmap.cubemap import CubeMap, texel_solid_angles
-from glossbench.envmap.importance import LUMINANCE
 
 Color = tuple[float, float, float]
 

@@ -1,1 +1,4 @@
-"""Maps filtered into cosine lobes, and shading by them."""
+"""Maps filtered into cosine lobes, and shading by them.
+
+It imports the other files of prefilter and the rooms below.
+"""

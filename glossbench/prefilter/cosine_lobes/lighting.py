@@ -1,6 +1,6 @@
 """Shading by maps that are filtered into cosine lobes: a lookup for each lobe and region of the light."""
 
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import torch
@@ -11,9 +11,10 @@ from glossbench.brdf.material import Material, Reflectance
 from glossbench.directions import reflect
 from glossbench.envmap.pyramid import Environment, weighted_radiance
 from glossbench.prefilter.cosine_lobes.lobe_sum import LobeSum, fit_lobe_sum, no_lobe_sum
-from glossbench.prefilter.shadows import Shadows
+from glossbench.prefilter.light_shadows import Shadows
 from glossbench.scene.points import ShadingPoints
 from glossbench.shading.kernels import over_points
+from glossbench.shading.method import stage
 
 Energy = Literal["normal", "albedo"]
 
@@ -28,6 +29,12 @@ class Levels(Protocol):
     """Which level of the maps stands for the lobe cos^s: one for all maps, or one for each, (N,)."""
 
     def level(self, s: float) -> float | NDArray[np.float64]: ...
+
+
+@stage
+def lobe_sums(self: Any, material: Material) -> tuple[LobeSum, ...]:
+    """Cosine lobes of each glossy lobe, at most the method's `lobes`."""
+    return tuple(fit_lobe_sum(lobe, self.lobes) for lobe in material.as_lobes().lobes)
 
 
 def no_lobe_sums(material: Material) -> str | None:

@@ -97,7 +97,8 @@ def _profile(lobe: Lobe) -> tuple[NDArray[np.float64], NDArray[np.float64], NDAr
 
 def _sum(away: NDArray[np.float64], exponents: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[np.float64]:
     powers = np.exp(exponents * np.log1p(-np.minimum(away, 1 - 1e-15))[:, None])
-    return (shares * (exponents + 1) / (2 * pi) * powers).sum(1)
+    total: NDArray[np.float64] = (shares * (exponents + 1) / (2 * pi) * powers).sum(1)
+    return total
 
 
 def _fit(
@@ -114,7 +115,8 @@ def _fit(
         return np.exp(x[:n]), shares / shares.sum()
 
     def residual(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return scale * (_sum(away, *parts(x)) - values)
+        difference: NDArray[np.float64] = scale * (_sum(away, *parts(x)) - values)
+        return difference
 
     bounds = np.repeat([[0.0], [np.log(LARGEST)]], n, axis=1), np.repeat([[-20.0], [20.0]], n, axis=1)
     limits = [np.concatenate([b[i] for b in bounds]) for i in (0, 1)]

@@ -1,1 +1,4 @@
-"""Mesh files: each format read as polygons."""
+"""Mesh files: each format is read as polygons.
+
+Its files import each other and the loose files.
+"""

@@ -6,12 +6,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 import torch
-from test_brdf import vectors
 
 from glossbench.brdf.measured.colorimetry import D65, WAVELENGTHS, X_BAR, Y_BAR, Z_BAR, rec709
 from glossbench.brdf.measured.cornell import factored, read_cornell, read_samples
 from glossbench.directions import Vec3
 from glossbench.errors import InputError
+from oracles.hemisphere import vectors
 
 mi.set_variant("scalar_rgb")
 

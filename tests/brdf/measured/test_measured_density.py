@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 import torch
 from scipy.stats import binom, chi2
-from test_brdf import direction, vectors
-from test_reference import Glossy, check_z, extrapolated, lights, reference
-from test_ward import check_fused
 
 from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.material import Material, Reflectance
 from glossbench.brdf.measured.half_vector_density import RINGS, SECTORS, VIEWS, half_vector_density
 from glossbench.brdf.measured.lobe import MeasuredLobe, measured_lobe
 from glossbench.directions import Vec3, points_2d
+from oracles.hemisphere import direction, vectors
+from oracles.lobe_checks import check_fused
+from oracles.texel_sums import Glossy, extrapolated, lights
+from oracles.z_scores import check_z, reference
 
 SAMPLES = 40_000
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from test_brdf import random_hemisphere, vectors
 
 import glossbench as gb
 from glossbench.brdf.kurt import Kurt
@@ -20,6 +19,7 @@ from glossbench.directions import Vec3
 from glossbench.errors import InputError
 from glossbench.run.runner import run_study
 from glossbench.study.study import load_study
+from oracles.hemisphere import random_hemisphere, vectors
 
 
 @pytest.fixture(autouse=True)

@@ -5,10 +5,10 @@ from math import pi
 import numpy as np
 import pytest
 import torch
-from test_brdf import random_hemisphere, vectors
 
 from glossbench.brdf.measured.merl import SIZE, HalfDifferenceTable, read_merl
 from glossbench.errors import InputError
+from oracles.hemisphere import random_hemisphere, vectors
 
 SCALE = np.array([1.0, 1.15, 1.66]) / 1500
 

@@ -7,12 +7,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 import torch
-from test_brdf import direction, random_hemisphere, vectors
 
 from glossbench.brdf.measured.lobe import measured_lobe
 from glossbench.brdf.measured.rgl import read_rgl
 from glossbench.brdf.measured.tensor_file import read_tensors
 from glossbench.errors import InputError
+from oracles.hemisphere import direction, random_hemisphere, vectors
 
 mi.set_variant("scalar_rgb")
 TYPES = {"u1": 1, "u2": 3, "u4": 5, "f4": 10, "f8": 11}

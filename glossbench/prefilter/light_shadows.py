@@ -12,10 +12,12 @@ from torch import Tensor
 from torch.nn.functional import grid_sample
 
 from glossbench.directions import Vec3, stack
+from glossbench.prefilter.median_cut import Partition
 from glossbench.scene.camera import framing
 from glossbench.scene.mesh import Mesh
 from glossbench.scene.points import Occluder, ShadingPoints
 from glossbench.shading.kernels import untraced
+from glossbench.shading.method import stage
 
 Visibility = Literal["none", "shadow_maps", "rays"]
 
@@ -116,6 +118,15 @@ def cast(
         return RayShadows(Vec3(*(c[None] for c in direction)), scene)
     assert isinstance(scene, Mesh)
     return variance_shadow_maps(scene, direction, solid_angle, resolution, blocker_distance, light_bleeding)
+
+
+@stage
+def shadows(self: Any, partition: Partition, scene: Any) -> Shadows:
+    """What hides the regions of the light, by the method's `visibility`."""
+    return cast(
+        self.visibility, scene, partition.direction, partition.solid_angle,
+        self.shadow_resolution, self.blocker_distance, self.light_bleeding,
+    )  # fmt: skip
 
 
 def variance_shadow_maps(

@@ -1,4 +1,4 @@
-"""The diffuse part of the radiance that is left where the scene hides some of the light."""
+"""The diffuse part of the radiance, and what is left of it where the scene hides some of the light."""
 
 from math import pi
 
@@ -7,11 +7,18 @@ from torch import Tensor
 
 from glossbench.brdf.material import Reflectance
 from glossbench.directions import Vec3, cosine_hemisphere, to_world
+from glossbench.envmap.harmonics import irradiance as irradiance_at
 from glossbench.envmap.pyramid import Environment, weighted_radiance
-from glossbench.prefilter.stages import diffuse_radiance
 from glossbench.scene.points import Occluder, ShadingPoints
 from glossbench.shading.kernels import over_points
 from glossbench.shading.visibility import unhidden
+
+
+def diffuse_radiance(reflectance: Reflectance, coefficients: Tensor, n: Vec3) -> Tensor:
+    """The diffuse part of the outgoing radiance, albedo E(n) / pi: (P, 3)."""
+    if not reflectance.diffuse:
+        return coefficients.new_zeros(n.x.shape[0], 3)
+    return irradiance_at(coefficients, n) * torch.stack(reflectance.diffuse) / pi
 
 
 def visible_diffuse(

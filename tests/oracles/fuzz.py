@@ -1,6 +1,6 @@
 """Mutated studies and images: each must load, or be refused by InputError, in bounded time.
 
-    python tests/fuzz.py studies 2000 --seed 0
+    PYTHONPATH=tests python -m oracles.fuzz studies 2000 --seed 0
 
 An input is made from its number alone; `... 1 --seed N` makes number N again.
 """
@@ -36,7 +36,7 @@ Load = Callable[[Path], object]
 
 def studies() -> list[tuple[str, bytes]]:
     """The installed studies that name no file, which might be fetched."""
-    files = sorted((Path(__file__).parents[1] / "studies").glob("*.yaml"))
+    files = sorted((Path(__file__).parents[2] / "studies").glob("*.yaml"))
     return [("study.yaml", file.read_bytes()) for file in files if b".hdr" not in file.read_bytes()]
 
 

@@ -11,8 +11,8 @@ import trimesh
 import glossbench as gb
 from glossbench.directions import Vec3, vec3
 from glossbench.methods.many_lights import ManyLights
+from glossbench.prefilter.light_shadows import NoShadows, RayShadows, cast, variance_shadow_maps
 from glossbench.prefilter.median_cut import median_cut
-from glossbench.prefilter.shadows import NoShadows, RayShadows, cast, variance_shadow_maps
 from glossbench.scene.mesh import make_mesh
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.scene.shapes import bowl

@@ -1,0 +1,96 @@
+"""What the source of a file imports, as it says: no file is run for it."""
+
+import ast
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+CALLS = ("import_module", "__import__")
+
+
+class Imported(NamedTuple):
+    """A module, or a name that is taken from it, which may be a module too; the name is empty for the module itself."""
+
+    module: str
+    name: str = ""
+
+    @property
+    def dotted(self) -> str:
+        """Both as one dotted name."""
+        return f"{self.module}.{self.name}".strip(".")
+
+
+class Source(NamedTuple):
+    """What a file imports, at any depth of its code.
+
+    Attributes:
+        imports: all but those under `if TYPE_CHECKING`.
+        names: what imports outside of functions and classes bind, those under `if TYPE_CHECKING` too.
+    """
+
+    imports: tuple[Imported, ...]
+    names: dict[str, Imported]
+
+
+def source_of(file: Path, package: str) -> Source:
+    """The imports of a file of this package; none of a file that is not Python, or that cannot be parsed.
+
+    `import a.b`, `from a import b`, relative ones, those inside functions, and a literal name handed to import_module
+    are seen; a name that is computed is not.
+    """
+    stat = file.stat()
+    return _source_of(file, package, stat.st_size, stat.st_mtime_ns)
+
+
+@lru_cache(maxsize=4096)
+def _source_of(file: Path, package: str, size: int, time: int) -> Source:
+    if file.suffix != ".py":
+        return Source((), {})
+    text = file.read_bytes()
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError):
+        return Source((), {})
+    imports = {each for node in _statements(tree.body) for _, each in _bound(node, package)}
+    if any(call.encode() in text for call in CALLS):
+        imports |= set(_called(tree))
+    names = {name: each for node in _outermost(tree.body) for name, each in _bound(node, package)}
+    return Source(tuple(sorted(imports)), names)
+
+
+def _statements(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
+    """All statements but those under `if TYPE_CHECKING`. Expressions hold none, so most of the tree is not walked."""
+    for node in body:
+        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+            yield from _statements(node.orelse)
+            continue
+        yield node
+        for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+            inner = getattr(node, block, None)
+            yield from _statements(inner) if isinstance(inner, list) else ()
+
+
+def _outermost(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
+    for node in body:
+        yield from _outermost([*node.body, *node.orelse]) if isinstance(node, ast.If) else [node]
+
+
+def _bound(node: ast.AST, package: str) -> Iterator[tuple[str, Imported]]:
+    """What an import statement binds, by name."""
+    if isinstance(node, ast.Import):
+        for alias in node.names:
+            yield alias.asname or alias.name.partition(".")[0], Imported(alias.name)
+    elif isinstance(node, ast.ImportFrom):
+        outer = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level and package else []
+        module = ".".join([*outer, *([node.module] if node.module else [])])
+        for alias in node.names:
+            yield alias.asname or alias.name, Imported(module, alias.name)
+
+
+def _called(tree: ast.AST) -> Iterator[Imported]:
+    """Literal names handed to import_module."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in CALLS:
+            literal = [arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant)]
+            yield from (Imported(name) for name in literal if isinstance(name, str) and not name.startswith("."))

@@ -1,0 +1,84 @@
+"""The modules of glossbench as they lie on disk, and which of them a module needs: its import closure."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+from glossbench.source_imports import Imported, source_of
+
+
+class SourceTree:
+    """The modules of one package, each read once, when it is first asked for.
+
+    Args:
+        name: of the package.
+        folder: where it lies; a package of it that lies elsewhere, as `methods` in a checkout, is found as Python does.
+    """
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self._name, self._folder = name, folder
+        self._files: dict[str, Path | None] = {}
+        self._needed: dict[str, tuple[str, ...]] = {}
+
+    def has(self, module: str) -> bool:
+        """Whether a module is of the package, by its name."""
+        return module == self._name or module.startswith(f"{self._name}.")
+
+    def closure(self, starts: Iterable[Imported]) -> dict[str, Path]:
+        """The files of what is imported, and of all that these import, at any depth, by the names of their modules.
+
+        The first file of a package counts where it defines what is taken from it. Where it only hands a name on, the
+        module that defines the name counts in its place: else all that a package hands on would belong to each user.
+        """
+        found: dict[str, Path] = {}
+        waiting = [module for start in starts if self.has(start.module) for module in self._defining(start)]
+        while waiting:
+            module = waiting.pop()
+            if module not in found and (file := self._file(module)):
+                found[module] = file
+                waiting += self._needs(module, file)
+        return found
+
+    def _needs(self, module: str, file: Path) -> tuple[str, ...]:
+        if module not in self._needed:
+            package = module if file.stem == "__init__" else module.rpartition(".")[0]
+            imports = [each for each in source_of(file, package).imports if self.has(each.module)]
+            self._needed[module] = tuple({name: None for each in imports for name in self._defining(each)})
+        return self._needed[module]
+
+    def _defining(self, imported: Imported) -> Iterator[str]:
+        """The modules that an import takes something from."""
+        module, name = imported
+        file = self._file(module)
+        names = source_of(file, module).names if file and file.stem == "__init__" else {}
+        if name in names and self.has(names[name].module) and names[name] != imported:
+            yield from self._defining(names[name])
+        elif name and self._file(imported.dotted):
+            yield from self._defining(Imported(imported.dotted))
+        else:
+            yield module
+            if not name:  # all of a package may be used
+                handed_on = [each for each in names.values() if self.has(each.module) and each != imported]
+                yield from (defining for each in handed_on for defining in self._defining(each))
+
+    def _file(self, module: str) -> Path | None:
+        if module not in self._files:
+            self._files[module] = self._find(module)
+        return self._files[module]
+
+    def _find(self, module: str) -> Path | None:
+        top, *rest = module.split(".")[1:] or [""]
+        folder = self._folder
+        if top and not (folder / top).is_dir() and not (folder / f"{top}.py").is_file():
+            spec = None
+            with suppress(ModuleNotFoundError):  # the package is not installed
+                spec = find_spec(f"{self._name}.{top}")
+            if spec is None or not spec.submodule_search_locations:
+                return None
+            folder, top = Path(spec.submodule_search_locations[0]), ""
+        stem = folder.joinpath(*filter(None, [top, *rest]))
+        return next((file for file in (stem / "__init__.py", stem.with_suffix(".py")) if file.is_file()), None)
+
+
+GLOSSBENCH = SourceTree("glossbench", Path(__file__).resolve().parent)

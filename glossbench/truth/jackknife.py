@@ -1,0 +1,30 @@
+"""The jackknife: what the noise of the reference does to a number, from the number without each group of replicates.
+
+A number f that was computed from G groups of replicates is computed again without each of them, f_1 to f_G. Then
+
+    bias = (G - 1) (mean(f_i) - f),    variance = (G - 1) / G sum of (f_i - mean(f_i))^2.
+
+Source: Quenouille 1956 (bias), Tukey 1958 (variance).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+
+def jackknife(value: float, left_out: Sequence[float]) -> tuple[float, float]:
+    """The bias and the variance of a number, from the numbers without each group."""
+    n, found = len(left_out), np.asarray(left_out, float)
+    mean = float(found.mean())
+    return (n - 1) * (mean - value), (n - 1) / n * float(((found - mean) ** 2).sum())
+
+
+def unbiased(values: Sequence[float]) -> float:
+    """A metric without the bias that noise gives it, from the values of a sample; never below 0 where none of them is.
+
+    Close to 0 the bias of a mean square is all that there is, and what is left of it may have either sign.
+    """
+    if len(values) == 1:
+        return values[0]
+    found = values[0] - jackknife(values[0], values[1:])[0]
+    return max(found, 0.0) if min(values) >= 0 else found

@@ -1,0 +1,30 @@
+"""The reference against an exact value: its distance in standard errors, judged by Student's t."""
+
+import numpy as np
+from scipy.stats import t as student
+
+from glossbench.truth.reference import N_REPLICATES, compute_reference
+from oracles.texel_sums import VIEW, lights
+
+
+def reference(light, material, relative_error=2e-3, seed=0):
+    """Radiance and standard error (P, 3)."""
+    truth = compute_reference(light, material, VIEW, relative_error=relative_error, seed=seed)
+    return truth.radiance[truth.mask].numpy(), truth.standard_error[truth.mask].numpy()
+
+
+def z_limit(n_values):
+    """|z| that n values together pass with 99 %, Sidak: each is a Student's t with 15 degrees of freedom."""
+    return student.isf((1 - 0.99 ** (1 / n_values)) / 2, N_REPLICATES - 1)
+
+
+def check_z(radiance, standard_error, truth, n_tests=4):
+    z = (radiance - truth) / standard_error
+    assert np.abs(z).max() < z_limit(z.size * n_tests)
+
+
+def check_sum(truth, material, relative_error=2e-3, n_tests=1):
+    """The reference of a material under the rough light is an exact sum over texels."""
+    radiance, standard_error = reference(lights()["rough"], material, relative_error)
+
+    check_z(radiance, standard_error, truth, n_tests=n_tests)
