@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 from rich.text import Text
 
+from glossbench.columns import parsed
 from glossbench.commands.consoles import Console, one_line
-from glossbench.study.labels import KINDS, identity, listed, names_of, parsed, told_apart
+from glossbench.study.labels import KINDS, identity, listed, names_of, told_apart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -120,14 +121,7 @@ def _method_names(rows: list[dict[str, Any]], over: str | None = None) -> list[s
 
 def print_plan(cells: "Sequence[Cell]", statuses: "Sequence[str]") -> None:
     """What a run would make, a line a cell: what is on disk of it, and the names that tell it from the others."""
-    rows = []
-    for cell in cells:
-        row: dict[str, Any] = {"method": cell.method.name, "options": json.dumps(cell.method.options)}
-        row |= {"tuned": json.dumps({cell.method.tune.option: ""} if cell.method.tune else {})}
-        for kind in KINDS:
-            item = getattr(cell, kind)
-            row |= {kind: item.name, f"{kind}_options": json.dumps(item.options)}
-        rows.append(parsed(row | {"status": "new", "n_samples": 0}))
+    rows = [parsed(cell.record(status="new").row()) for cell in cells]
     names = {kind: names_of(kind, rows) for kind in KINDS}
     columns = [list(statuses)]
     kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas
 
+from glossbench.columns import parsed
 from glossbench.findings.comparisons import (
     EQUAL,
     FAILS,
@@ -46,7 +47,7 @@ from glossbench.study.claims import (
     sides_of,
 )
 from glossbench.study.claims import Side as Stated
-from glossbench.study.labels import as_text, identity, listed, names_of, number_in, parsed, stated
+from glossbench.study.labels import as_text, identity, listed, names_of, number_in, stated
 
 
 def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:

@@ -1,25 +1,30 @@
-"""What a cell is made of: its material, view and method, made by name, and what its key says of them."""
+"""What a cell is made of: a material, view and method of its own, and what its key says of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
-from glossbench.brdf.material import MATERIALS, Material
-from glossbench.envmap.lights.light import LIGHTS
+from glossbench.brdf.material import Material
 from glossbench.errors import MethodError
 from glossbench.metrics import METRICS
+from glossbench.options import Options
 from glossbench.process.state import is_foreign
 from glossbench.provenance import source_hash
 from glossbench.run.study_lights import Changed
-from glossbench.scene.points import VIEWS, View
-from glossbench.shading.method import METHODS, Method
+from glossbench.scene.points import View
+from glossbench.shading.method import Method
 from glossbench.shading.outputs import key_text
 from glossbench.study.cells import Cell
+
+T = TypeVar("T", bound=Options)
 
 
 @dataclass(frozen=True)
 class Made:
-    """The material, view and method of a cell, and the text of their keys."""
+    """The material, view and method of a cell, and the text of their keys.
+
+    They are copies: a plug-in may write into them, and what they keep of their files goes with the cell.
+    """
 
     material: Material
     view: View
@@ -28,10 +33,8 @@ class Made:
 
     @classmethod
     def of(cls, cell: Cell) -> "Made":
-        """Those of a cell; raises whatever a plug-in raises."""
-        material = MATERIALS.create(cell.material.name, cell.material.options)
-        view = VIEWS.create(cell.view.name, cell.view.options)
-        method = METHODS.create(cell.method.name, cell.method.options)
+        """Those of a cell; raises what a plug-in raises."""
+        material, view, method = copy_of(cell.material), copy_of(cell.view), copy_of(cell.method)
         return cls(material, view, method, tuple(key_text(each.name, each.key()) for each in (material, view, method)))
 
     def check_unchanged(self, cell: Cell) -> None:
@@ -74,7 +77,7 @@ class Sources:
 
     def _metrics_of(self, cell: Cell) -> tuple[str, ...]:
         """The study's metrics, rms, which is always measured, and that by which the cell is tuned."""
-        tune = cell.method.tune
+        tune = cell.tune
         return tuple(dict.fromkeys([*self._metrics, "rms", *([tune.metric] if tune else [])]))
 
     def _hash(self, cls: type) -> str:
@@ -83,8 +86,10 @@ class Sources:
         return self._known[cls]
 
 
+def copy_of(item: T) -> T:
+    """Equal options that nobody else holds."""
+    return type(item).create(item.as_dict())
+
+
 def _classes(cell: Cell) -> tuple[type, ...]:
-    return (
-        LIGHTS.get(cell.light.name), MATERIALS.get(cell.material.name), VIEWS.get(cell.view.name),
-        METHODS.get(cell.method.name),
-    )  # fmt: skip
+    return type(cell.light), type(cell.material), type(cell.view), type(cell.method)

@@ -4,17 +4,14 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, NamedTuple
 
-from glossbench.brdf.material import MATERIALS
 from glossbench.errors import InputError
+from glossbench.options import Options
 from glossbench.provenance import code_hash
-from glossbench.registry import Registry
 from glossbench.run.attempts import OUR_TRIES, TRIES, Attempt
 from glossbench.run.cell_items import Made, Sources
 from glossbench.run.results import Results, key_of
 from glossbench.run.study_lights import Changed, StudyLights
-from glossbench.scene.points import VIEWS
-from glossbench.shading.method import METHODS
-from glossbench.study.cells import Cell, Item
+from glossbench.study.cells import Candidate, Cell
 from glossbench.study.claims import PLACES
 from glossbench.study.study import Study
 
@@ -60,7 +57,9 @@ class CellKeys:
         self._common = [code_hash("glossbench.truth.reference"), study.reference.model_dump(), study.device]
         self._results, self._lights, self._guard = results, lights, guard
         self._marks = results.folder / "begun"
+        self._study = study  # holds its items, so that an id means one of them
         self._known: dict[int, str] = {}
+        self._spelled: dict[int, list[Any]] = {}
 
     def of(self, cell: Cell, again: bool = False) -> Identity:
         """The identity of a cell; raises what says that a file cannot be read, or has changed.
@@ -69,7 +68,7 @@ class CellKeys:
             again: try again what failed before its own key was known.
         """
         sources, is_foreign = self.sources.of(cell), self.sources.any_foreign(cell)
-        items = {kind: [getattr(cell, kind).name, getattr(cell, kind).spelled()] for kind in (*PLACES, "method")}
+        items = {kind: self._stated(item) for kind, item in _items(cell).items()}
         spelled = key_of([self.code, self._common, sources, items])
         is_there = self._results.has_cell(spelled) and not self._results.damage_of_cell(spelled)
         if is_there and not again:
@@ -85,7 +84,7 @@ class CellKeys:
                 if is_foreign:
                     attempt.begin()
                 keys = self._keys(cell, is_foreign)
-                light_key = self._lights.key(cell.light) or self._lights.get(cell.light).key
+                light_key = self._lights.key(cell.light)
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt | Changed) or (isinstance(error, InputError) and not is_foreign):
                 raise
@@ -100,10 +99,17 @@ class CellKeys:
     def _keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:
         if is_foreign:
             return Made.of(cell).keys
-        items: tuple[tuple[Registry[Any], Item], ...] = (
-            (MATERIALS, cell.material), (VIEWS, cell.view), (METHODS, cell.method),
-        )  # fmt: skip
-        for registry, item in items:
+        items = cell.material, cell.view, cell.method
+        for item in items:
             if id(item) not in self._known:
-                self._known[id(item)] = registry.create(item.name, item.options).key()
-        return tuple(self._known[id(item)] for _, item in items)
+                self._known[id(item)] = item.key()
+        return tuple(self._known[id(item)] for item in items)
+
+    def _stated(self, item: Options | Candidate) -> list[Any]:
+        if id(item) not in self._spelled:
+            self._spelled[id(item)] = [item.name, item.as_dict()]
+        return self._spelled[id(item)]
+
+
+def _items(cell: Cell) -> dict[str, Options | Candidate]:
+    return {"light": cell.light, "material": cell.material, "view": cell.view, "method": cell.candidate}

@@ -16,6 +16,7 @@ import torch
 from glossbench.columns import CellRecord
 from glossbench.digests import digest_of
 from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.lights.light import Light
 from glossbench.errors import CannotWrite, MethodError
 from glossbench.process.state import Restored, is_foreign
 from glossbench.process.time_limit import time_limit
@@ -30,7 +31,7 @@ from glossbench.run.study_lights import Changed, StudyLights
 from glossbench.shading.method import Image
 from glossbench.shading.outputs import check_view, notes_of, printable, reason_of
 from glossbench.shading.stage_cache import StageCache
-from glossbench.study.cells import Cell, Item
+from glossbench.study.cells import Cell
 from glossbench.study.study import Study
 from glossbench.truth.reference import Reference, compute_reference
 
@@ -64,7 +65,7 @@ class Executor:
         self.keys = CellKeys(study, results, self.lights, lambda cell, key: self._guarded(cell, self._begun(cell, key)))
         self._whole: dict[str, bool] = {}  # by key of a reference, whether it is on disk as it was written
         self._truth: tuple[str, Reference] | None = None
-        self._stages_light: Item | None = None
+        self._stages_light: Light | None = None
         self._forget()
 
     def run(self, cell: Cell, known: Identity, rerun_failed: bool) -> dict[str, Any]:
@@ -121,7 +122,7 @@ class Executor:
             if is_foreign(type(view)):
                 check_view(view)
             light = self.lights.get(cell.light)
-        if self._stages_light != cell.light:  # stages of another light are of no use any more
+        if self._stages_light is not cell.light:  # stages of another light are of no use any more
             self._stages, self._stages_light = StageCache(self.progress.doing), cell.light
         truth = self._reference(cell, record, light, made)
         self.progress.doing(cell.method.name)
@@ -130,7 +131,7 @@ class Executor:
             shared = (truth, view.scene(), material.reflectance()) if self.keys.sources.any_foreign(cell) else ()
             before = digest_of(*shared)
             record, image, half_vectors = measure(
-                record, method, cell.method.tune, self.study.metrics, self._stages, light, material, view, truth
+                record, method, cell.tune, self.study.metrics, self._stages, light, material, view, truth
             )
             notes = [note for each in (material, view, method) for note in notes_of(each.name, each.notes())]
             notes = [*self.lights.notes(cell.light), *notes]
@@ -233,13 +234,9 @@ class Executor:
 
     def _begun(self, cell: Cell, key: str, reference_key: str = "") -> CellRecord:
         """The record of a cell before anything is measured."""
-        tune = cell.method.tune
-        return CellRecord(
-            key=key, reference_key=reference_key, light_key=self.lights.key(cell.light), code=self.keys.code[:20],
-            light=cell.light.name, material=cell.material.name, view=cell.view.name, method=cell.method.name,
-            light_options=cell.light.options, material_options=cell.material.options, view_options=cell.view.options,
-            options=cell.method.options, tune={tune.option: cell.method.spelled()[tune.option]} if tune else {},
-            metrics=dict.fromkeys([*self.study.metrics, "rms"], float("nan")),
+        return cell.record(
+            key=key, reference_key=reference_key, light_key=self.lights.known_key(cell.light),
+            metrics=dict.fromkeys([*self.study.metrics, "rms"], float("nan")), code=self.keys.code[:20],
             version=glossbench_version(), torch=torch.__version__, device=self.study.device, processor=processor(),
             seed=self.study.seed,
         )  # fmt: skip

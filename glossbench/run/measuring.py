@@ -14,7 +14,7 @@ from glossbench.metrics import METRICS
 from glossbench.process.state import guarded
 from glossbench.run.tuning import tune_option
 from glossbench.scene.points import View
-from glossbench.shading.method import Image, Method, budget_of, shade
+from glossbench.shading.method import Image, Method, shade
 from glossbench.shading.outputs import number_of, pattern_of
 from glossbench.shading.stage_cache import StageCache
 from glossbench.study.cells import Tune
@@ -82,7 +82,7 @@ def measure(
         metrics={name: unbiased(values) for name, values in compared.items()},
         left_out={name: values for name, values in compared.items() if len(values) > 1},
         at_noise_floor=compared["rms"][0] < 2 * truth.noise, is_random=bool(method.is_random),
-        n_samples=costs.n_samples, budget=budget_of(type(method)), state_bytes=costs.state_bytes,
+        n_samples=costs.n_samples, state_bytes=costs.state_bytes,
         stage_seconds=dict(costs.stage_seconds), update_seconds=dict(costs.update_seconds),
         shade_seconds=costs.shade.median, shade_seconds_low=costs.shade.low, shade_seconds_high=costs.shade.high,
         shade_runs=costs.shade.runs, busy=costs.shade.busy,

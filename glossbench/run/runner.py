@@ -1,6 +1,6 @@
 """Running a study: cell after cell, each remembered on disk, so that a killed run goes on from there."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -9,8 +9,7 @@ import pandas
 import pyarrow.parquet  # noqa: F401  before plug-ins run: what they patch of it is put back (process_state)
 
 from glossbench.atomic import interrupted_when_asked
-from glossbench.brdf.material import MATERIALS
-from glossbench.envmap.lights.light import LIGHTS
+from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError
 from glossbench.findings.verdicts import judge
 from glossbench.plugins import origin
@@ -18,12 +17,13 @@ from glossbench.process.leftovers import children, end_children
 from glossbench.process.state import is_foreign
 from glossbench.process.surroundings import settled
 from glossbench.provenance import provenance
-from glossbench.registry import Registry
+from glossbench.run.cell_items import copy_of
+from glossbench.run.cell_keys import Identity
 from glossbench.run.executor import Executor, Progress
+from glossbench.run.manifest import entry
 from glossbench.run.results import Results
 from glossbench.run.study_lights import StudyLights
-from glossbench.scene.points import VIEWS
-from glossbench.study.cells import Item
+from glossbench.study.cells import Cell
 from glossbench.study.study import Study
 
 
@@ -61,20 +61,22 @@ def run_study(
     results = Results(folder)
     executor = Executor(study, results, progress, use_cache, fail_fast)
     progress.doing("lights")
-    _read_files(study, executor.lights)
+    own = _keys_of_own(cells, executor, rerun_failed or not use_cache)
+    kept = {i for i, each in own.items() if use_cache and not rerun_failed and results.has_cell(each.key)}
+    _read_files([cell for i, cell in enumerate(cells) if i not in kept], executor.lights)
     _check_own_study(study, results)
     results.create()
     started, source = datetime.now(UTC), executor.keys.code
     rows: dict[int, dict[str, Any]] = {}
     running = children()
     try:
-        known = [executor.keys.of(cell, rerun_failed or not use_cache) for cell in cells]
+        again = rerun_failed or not use_cache
+        known = [own.get(i) or executor.keys.of(cell, again) for i, cell in enumerate(cells)]
         entries = [
-            {"key": each.key, "light_options": cell.light.json, "seed": study.seed}
-            for cell, each in zip(cells, known, strict=True)
+            entry(cell.record(key=each.key, seed=study.seed).row()) for cell, each in zip(cells, known, strict=True)
         ]
-        if kept := results.begin(study.resolved(), entries, provenance(study.device, started, source)):
-            progress.note(kept)
+        if fuller := results.begin(study.resolved(), entries, provenance(study.device, started, source)):
+            progress.note(fuller)
         progress.begin(len(cells))
         for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # what may end the process, last
             rows[i] = executor.run(cells[i], known[i], rerun_failed)
@@ -91,16 +93,25 @@ def run_study(
     return results
 
 
-def _read_files(study: Study, lights: StudyLights) -> None:
-    """Read what cannot be read before anything is written; plug-ins' own files are theirs."""
-    for item in study.lights:
-        if not is_foreign(LIGHTS.get(item.name)):
+def _keys_of_own(cells: Sequence[Cell], executor: Executor, again: bool) -> dict[int, Identity]:
+    """By position the identities of the cells that no plug-in takes part in, for which nothing is made or written."""
+    foreign = executor.keys.sources.any_foreign
+    return {i: executor.keys.of(cell, again) for i, cell in enumerate(cells) if not foreign(cell)}
+
+
+def _read_files(cells: Iterable[Cell], lights: StudyLights) -> None:
+    """Read the files of cells, so that one which cannot be read is found before anything is written.
+
+    Plug-ins' own files are theirs.
+    """
+    items = {id(item): item for cell in cells for item in (cell.light, cell.material, cell.view)}
+    for item in items.values():
+        if is_foreign(type(item)):
+            continue
+        if isinstance(item, Light):
             lights.get(item)
-    kinds: tuple[tuple[Registry[Any], Sequence[Item]], ...] = ((MATERIALS, study.materials), (VIEWS, study.views))
-    for registry, items in kinds:
-        for item in items:
-            if not is_foreign(registry.get(item.name)):
-                registry.create(item.name, item.options).open_files()
+        else:
+            copy_of(item).open_files()
 
 
 def _check_own_study(study: Study, results: Results) -> None:

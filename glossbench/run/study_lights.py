@@ -6,13 +6,13 @@ import torch
 
 from glossbench.digests import digest_of
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.lights.light import LIGHTS
+from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError, MethodError
 from glossbench.process.state import is_foreign
 from glossbench.run.attempts import Attempt
 from glossbench.run.results import key_of
 from glossbench.shading.outputs import key_text, notes_of
-from glossbench.study.cells import Item
+from glossbench.study.cells import text_of
 
 
 class Changed(InputError):
@@ -29,37 +29,44 @@ class StudyLights:
 
     def __init__(self, device: str, marks: Path) -> None:
         self._device, self._marks = device, marks
-        self._item: Item | None = None
+        self._item: Light | None = None
         self._light: CubeMap | None = None
-        self._keys: dict[Item, str] = {}
-        self._notes: dict[Item, tuple[str, ...]] = {}
-        self._broken: dict[Item, str] = {}
+        # By what the light is, as text.
+        self._keys: dict[str, str] = {}
+        self._notes: dict[str, tuple[str, ...]] = {}
+        self._broken: dict[str, str] = {}
         self._digest = 0
 
-    def get(self, item: Item) -> CubeMap:
-        """The light of an item.
+    def get(self, item: Light) -> CubeMap:
+        """The radiance of a light.
 
         Raises:
             Changed: its file is another one than at first.
             MethodError: a plug-in's light that is none, or that failed before.
         """
-        if self._light is None or self._item != item:
+        if self._light is None or self._item is not item:
             self._light = None
-            light = self._of_plugin(item) if is_foreign(LIGHTS.get(item.name)) else self._made(item)
-            if self._keys.setdefault(item, light.key) != light.key:
-                raise Changed(
-                    f"light {item.options.get('file', item.name)}: has changed while the study ran; run it again"
-                )
+            light = self._of_plugin(item) if is_foreign(type(item)) else self._made(item)
+            if self._keys.setdefault(text_of(item), light.key) != light.key:
+                called = getattr(item, "file", item.name)
+                raise Changed(f"light {called}: has changed while the study ran; run it again")
             self._light, self._item, self._digest = light, item, digest_of(light)
         return self._light
 
-    def key(self, item: Item) -> str:
-        """What the light is, as text; empty where it cannot be made."""
-        return self._keys.get(item, "")
+    def key(self, item: Light) -> str:
+        """What the light is, as text. Only a plug-in's light must be made for that; raises as `get` does."""
+        text = text_of(item)
+        if text not in self._keys:
+            self._keys[text] = self.get(item).key if is_foreign(type(item)) else item.key()
+        return self._keys[text]
 
-    def notes(self, item: Item) -> tuple[str, ...]:
+    def known_key(self, item: Light) -> str:
+        """The key where it is known; empty where the light cannot be made."""
+        return self._keys.get(text_of(item), "")
+
+    def notes(self, item: Light) -> tuple[str, ...]:
         """What was changed or assumed of a light that was made."""
-        return self._notes[item]
+        return self._notes[text_of(item)]
 
     def is_intact(self) -> bool:
         """Whether the light is what it was when it was made: arrays that share its memory can be written to unseen."""
@@ -69,20 +76,21 @@ class StudyLights:
         """Make the light anew when it is asked for again."""
         self._light = None
 
-    def _made(self, item: Item) -> CubeMap:
-        made = LIGHTS.create(item.name, item.options)
+    def _made(self, item: Light) -> CubeMap:
+        made = type(item).create(item.as_dict())  # a copy: it keeps what it decodes of a file
         light = made.cubemap()
         if not isinstance(light, CubeMap) or light.faces.dtype != torch.float32:
             raise MethodError(f"light {item.name}: cubemap must return a CubeMap of float32, got {light!r:.60}")
         key_text(item.name, light.key)
-        self._notes[item] = tuple(notes_of(item.name, made.notes()))
+        self._notes[text_of(item)] = tuple(notes_of(item.name, made.notes()))
         return light.to(self._device)
 
-    def _of_plugin(self, item: Item) -> CubeMap:
+    def _of_plugin(self, item: Light) -> CubeMap:
         """As `_made`, but what fails is not tried again, and what ends the process not more than twice."""
-        if item in self._broken:
-            raise MethodError(self._broken[item])
-        attempt = Attempt(self._marks, key_of(["light", item.name, item.spelled()]))
+        text = text_of(item)
+        if text in self._broken:
+            raise MethodError(self._broken[text])
+        attempt = Attempt(self._marks, key_of(["light", item.name, item.as_dict()]))
         if attempt.is_hopeless:
             raise MethodError(f"light {item.name} ended the process {attempt.ended} times; it is passed over")
         attempt.begin()
@@ -90,7 +98,7 @@ class StudyLights:
             light = self._made(item)
         except BaseException as error:
             if not isinstance(error, KeyboardInterrupt):
-                self._broken[item] = f"light {item.name}: {type(error).__name__}: {error}"
+                self._broken[text] = f"light {item.name}: {type(error).__name__}: {error}"
             attempt.end()
             raise
         attempt.end()

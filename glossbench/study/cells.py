@@ -1,27 +1,15 @@
-"""What a study compares: lights, materials, views and methods by name, and the cells that they make."""
+"""What a study compares: lights, materials, views and methods, each its own options, and the cells that they make."""
 
 import json
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from glossbench.shading.method import METHODS
-
-
-@dataclass(frozen=True)
-class Item:
-    """A light, material or view by name, with all its options as JSON types."""
-
-    name: str
-    options: dict[str, Any] = field(hash=False)
-
-    def spelled(self) -> dict[str, Any]:
-        """The options as a study states them."""
-        return dict(self.options)
-
-    @property
-    def json(self) -> str:
-        """The options as canonical JSON: equal for equal items, whatever the order of keys."""
-        return json.dumps(self.spelled(), sort_keys=True)
+from glossbench.brdf.material import Material
+from glossbench.columns import CellRecord
+from glossbench.envmap.lights.light import Light
+from glossbench.options import Options
+from glossbench.scene.points import View
+from glossbench.shading.method import Method, budget_of
 
 
 @dataclass(frozen=True)
@@ -35,35 +23,72 @@ class Tune:
 
 
 @dataclass(frozen=True)
-class MethodItem(Item):
-    """A method by name; a tuned option has its default in `options`, or the lowest value.
+class Candidate:
+    """A method of a study, one option of which may be tuned: that has its default in `method`, or the lowest value.
 
     Attributes:
         follows_seed: its option `seed` is not stated, and so is the study's.
     """
 
+    method: Method
     tune: Tune | None = None
     follows_seed: bool = field(default=False, compare=False)
 
-    def spelled(self) -> dict[str, Any]:
-        """The options as a study states them, a tuned one as {tune: metric, range: [low, high]}."""
-        if self.tune is None:
-            return dict(self.options)
-        tuned = {"tune": self.tune.metric, "range": [self.tune.low, self.tune.high]}
-        return {**self.options, self.tune.option: tuned}
+    @property
+    def name(self) -> str:
+        """Of the method."""
+        return self.method.name
 
-    def with_seed(self, seed: int) -> "MethodItem":
+    def as_dict(self) -> dict[str, Any]:
+        """The options as a study states them, a tuned one as {tune: metric, range: [low, high]}."""
+        options = self.method.as_dict()
+        if self.tune is None:
+            return options
+        return {**options, self.tune.option: {"tune": self.tune.metric, "range": [self.tune.low, self.tune.high]}}
+
+    def with_seed(self, seed: int) -> "Candidate":
         """The method under another seed of its study."""
         if not self.follows_seed:
             return self
-        return replace(self, options=METHODS.create(self.name, {**self.options, "seed": seed}).as_dict())
+        return replace(self, method=type(self.method).create({**self.method.as_dict(), "seed": seed}))
 
 
 @dataclass(frozen=True)
 class Cell:
     """One image to be made and measured."""
 
-    light: Item
-    material: Item
-    view: Item
-    method: MethodItem
+    light: Light
+    material: Material
+    view: View
+    candidate: Candidate
+
+    @property
+    def method(self) -> Method:
+        """The method, before an option is tuned."""
+        return self.candidate.method
+
+    @property
+    def tune(self) -> Tune | None:
+        """The option of the method that is tuned first, if one is."""
+        return self.candidate.tune
+
+    def record(self, **known: Any) -> CellRecord:
+        """The record of this cell with nothing measured yet.
+
+        Args:
+            known: columns that are known already.
+        """
+        stated = self.candidate.as_dict()
+        return CellRecord(
+            light=self.light.name, light_options=self.light.as_dict(),
+            material=self.material.name, material_options=self.material.as_dict(),
+            view=self.view.name, view_options=self.view.as_dict(),
+            method=self.method.name, budget=budget_of(type(self.method)), options=self.method.as_dict(),
+            tune={self.tune.option: stated[self.tune.option]} if self.tune else {},
+            **{"key": "", "reference_key": "", **known},
+        )  # fmt: skip
+
+
+def text_of(item: Options | Candidate) -> str:
+    """What an item is, as text: equal for equal items, whatever the order of keys."""
+    return f"{item.name} {json.dumps(item.as_dict(), sort_keys=True)}"

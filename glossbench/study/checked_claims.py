@@ -6,10 +6,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from glossbench.brdf.material import Material
+from glossbench.envmap.lights.light import Light
 from glossbench.errors import nearest
+from glossbench.scene.points import View
 from glossbench.shading.method import CHANGES, METHODS, stated_stages
 from glossbench.study.cell_index import CellIndex, Mask
-from glossbench.study.cells import Item, MethodItem
+from glossbench.study.cells import Candidate
 from glossbench.study.claim_names import unknown_name, unknown_place
 from glossbench.study.claims import (
     COLUMNS,
@@ -34,13 +37,13 @@ class Combined(Protocol):
     """What exclusions and claims are checked against: the items of a study, and all combinations of them."""
 
     @property
-    def lights(self) -> tuple[Item, ...]: ...
+    def lights(self) -> tuple[Light, ...]: ...
     @property
-    def materials(self) -> tuple[Item, ...]: ...
+    def materials(self) -> tuple[Material, ...]: ...
     @property
-    def views(self) -> tuple[Item, ...]: ...
+    def views(self) -> tuple[View, ...]: ...
     @property
-    def methods(self) -> tuple[MethodItem, ...]: ...
+    def methods(self) -> tuple[Candidate, ...]: ...
     @property
     def metrics(self) -> tuple[str, ...]: ...
     @property
@@ -60,7 +63,7 @@ def checked_exclude(document: Document, study: Combined, any_light: bool) -> tup
     index = study.index
     excluded = np.zeros(len(index.codes["method"]), bool)
     options = {key for kind in (study.methods, study.materials, study.views, study.lights) for item in kind
-               for key in item.options}  # fmt: skip
+               for key in item.as_dict()}  # fmt: skip
     known = [*PLACES, "method", *options]
     names = _names(study, any_light) | {"method": {item.name for item in study.methods}}
     kept = []
@@ -90,9 +93,9 @@ def checked_claims(document: Document, study: Combined, any_light: bool) -> tupl
     """The claims; InputError for one that is wrong, or that no cell of one of its sides is about."""
     methods: dict[str, set[str]] = {}
     for item in study.methods:
-        methods.setdefault(item.name, set()).update(item.options)
+        methods.setdefault(item.name, set()).update(item.as_dict())
     names = _names(study, any_light)
-    parameters = {place: {key for item in items for key in item.options} for place, items in places_in(study).items()}
+    parameters = {place: {key for item in items for key in item.as_dict()} for place, items in places_in(study).items()}
     stages = [name for method in methods for name in stated_stages(METHODS.get(method))]
     costs = [*COLUMNS, *(f"stage_seconds.{name}" for name in stages), *(f"update_seconds.{name}" for name in CHANGES)]
     found: list[Claim] = []
@@ -133,7 +136,7 @@ def _check_where(document: Document, study: Combined, claims: list[Claim], any_l
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
-        options.setdefault(item.name, set()).update(item.options)
+        options.setdefault(item.name, set()).update(item.as_dict())
     for i, claim in enumerate(claims):
         where = {key: value for key, value in claim.where.items() if not (any_light and key == "light")}
         of_methods = set().union(*(options[name] for name in methods_of(claim)))
@@ -160,7 +163,7 @@ def places_in(study: Combined) -> dict[str, Any]:
 def _names(study: Combined, any_light: bool) -> dict[str, set[str]]:
     """What the study's lights, materials and views answer to; any light may answer to anything."""
     return {
-        place: {name for item in items for name in called(item.name, item.options)}
+        place: {name for item in items for name in called(item.name, item.as_dict())}
         for place, items in places_in(study).items()
         if not (any_light and place == "light")
     }

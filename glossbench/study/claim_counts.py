@@ -43,9 +43,9 @@ def counts(study: "Study") -> list[Count]:
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
-        options.setdefault(item.name, set()).update(item.options)
+        options.setdefault(item.name, set()).update(item.as_dict())
     twins = _twins(study)
-    parameters = {place: {key for item in items for key in item.options} for place, items in places_in(study).items()}
+    parameters = {place: {key for item in items for key in item.as_dict()} for place, items in places_in(study).items()}
     return [_count(claim, index, kept, options, parameters, twins) for claim in study.claims]
 
 
@@ -87,8 +87,8 @@ def _twins(study: "Study") -> NDArray[np.intp]:
     known: dict[str, int] = {}
     methods = []
     for item in study.methods:
-        options = item.spelled()
-        if SEED in options and METHODS.create(item.name, item.options).is_random:
+        options = item.as_dict()
+        if SEED in options and item.method.is_random:
             del options[SEED]
         methods.append(known.setdefault(json.dumps([item.name, options], sort_keys=True), len(known)))
     codes = [*(study.index.codes[place] for place in PLACES), np.array(methods, np.intp)[study.index.codes["method"]]]

@@ -17,7 +17,8 @@ from glossbench.options import Options, check, option_names, schema_of
 from glossbench.plugin_errors import one_line, place_of
 from glossbench.rules import instead
 from glossbench.scene.mesh_view import view_or_file
-from glossbench.study.cells import Item, MethodItem, Tune
+from glossbench.shading.method import Method
+from glossbench.study.cells import Candidate, Tune
 from glossbench.study.document import Document, KeyPath, path_text
 from glossbench.study.schema import ENDINGS, REGISTRIES, TuneKeys
 
@@ -76,15 +77,15 @@ class Form:
     def n_variants(self) -> int:
         return math.prod(len(axis.values) for axis in self.axes)
 
-    def variants(self) -> Iterator[Item]:
+    def variants(self) -> Iterator[Any]:
         """The items that the form stands for, the last axis varying fastest."""
         for values in product(*(axis.values for axis in self.axes)):
             options = dict(self._start)
             for axis, of_axis in zip(self.axes, values, strict=True):
                 options |= dict(zip(axis.options, of_axis, strict=True))
             try:
-                complete = self.cls.create(options).as_dict()
-                json.dumps(complete)  # as a plug-in's own may not be
+                made = self.cls.create(options)
+                json.dumps(made.as_dict())  # what a plug-in's own may not be
             except ValueError as error:
                 text = str(error).removeprefix(self.cls.name)
                 text = f": {text}" if text == str(error) else text
@@ -93,10 +94,7 @@ class Form:
                 place = f" ({found})" if (found := place_of(error)) else ""
                 text = f"{path_text(self.path)} cannot be made: {one_line(error)}{place}"
                 raise self._document.error(self.path, text) from error
-            if self._kind == "methods":
-                yield MethodItem(self.cls.name, complete, self.tune, self._follows_seed)
-            else:
-                yield Item(self.cls.name, complete)
+            yield Candidate(made, self.tune, self._follows_seed) if isinstance(made, Method) else made
 
     def open_files(self) -> None:
         """Read all files that the items name.
@@ -105,12 +103,13 @@ class Form:
             InputError: at what names a file that cannot be read, or does not hold what it should.
         """
         for item in self.variants():
-            files = [o for o, v in item.options.items() if isinstance(v, str) and self.cls.file_of(o, v)]
-            for option in files[:1]:
+            made = item.method if isinstance(item, Candidate) else item
+            files = {o: v for o, v in made.as_dict().items() if isinstance(v, str) and self.cls.file_of(o, v)}
+            for option, file in list(files.items())[:1]:
                 try:
-                    self.cls.create(item.options).open_files()
+                    made.open_files()
                 except InputError as error:
-                    path = self._place(option, item.options[option])
+                    path = self._place(option, file)
                     raise self._document.error(path, f"{path_text(path)}: {error}") from error
 
     def _place(self, option: str, file: str) -> KeyPath:

@@ -13,15 +13,18 @@ from typing import Any
 import numpy as np
 import torch
 
+from glossbench.brdf.material import Material
 from glossbench.catalog.locate import locate
-from glossbench.envmap.lights.light import FileLight, light_named
+from glossbench.envmap.lights.light import FileLight, Light, light_named
 from glossbench.errors import InputError, nearest
 from glossbench.metrics import METRICS
+from glossbench.options import Options
 from glossbench.plugins import import_plugin
 from glossbench.process.plugin_imports import loading
 from glossbench.process.state import is_foreign
+from glossbench.scene.points import View
 from glossbench.study.cell_index import CellIndex, Mask
-from glossbench.study.cells import Cell, Item, MethodItem
+from glossbench.study.cells import Candidate, Cell, text_of
 from glossbench.study.checked_claims import checked_claims, checked_exclude
 from glossbench.study.claims import Claim, methods_of
 from glossbench.study.document import Document, KeyPath, path_text, read_document
@@ -47,10 +50,10 @@ class Study:
     title: str
     source: str
     question: str
-    lights: tuple[Item, ...]
-    materials: tuple[Item, ...]
-    views: tuple[Item, ...]
-    methods: tuple[MethodItem, ...]
+    lights: tuple[Light, ...]
+    materials: tuple[Material, ...]
+    views: tuple[View, ...]
+    methods: tuple[Candidate, ...]
     reference: ReferenceOptions
     metrics: tuple[str, ...]
     claims: tuple[Claim, ...]
@@ -72,7 +75,7 @@ class Study:
         if not 0 <= seed < 1 << 32:
             raise InputError(f"seed must be {f'less than {1 << 32}' if seed > 0 else 'at least 0'}, got {seed}")
         methods = tuple(item.with_seed(seed) for item in self.methods)
-        if len({(item.name, item.json) for item in methods}) < len(methods):
+        if len(set(map(text_of, methods))) < len(methods):
             raise InputError(f"seed {seed} is the one that a method of the study states, which is then there twice")
         return replace(self._comparing(methods), seed=seed, reference=self.reference.with_seed(seed))
 
@@ -84,7 +87,7 @@ class Study:
                 raise InputError(f"the study has no method {name!r}{nearest(name, known)}")
         return self._comparing(tuple(item for item in self.methods if item.name in names))
 
-    def _comparing(self, methods: tuple[MethodItem, ...]) -> "Study":
+    def _comparing(self, methods: tuple[Candidate, ...]) -> "Study":
         """The study of these methods, without the exclusions and claims that are about others."""
         every = replace(self, methods=methods).index
         fits = [every.excluded(entry) for entry in self.exclude]
@@ -115,17 +118,22 @@ class Study:
     @cached_property
     def index(self) -> CellIndex:
         """All combinations of its items, a tuned option as the study states it."""
-        kinds = {"light": self.lights, "material": self.materials, "view": self.views, "method": self.methods}
-        return CellIndex.product({kind: [(i.name, i.spelled()) for i in items] for kind, items in kinds.items()})
+        kinds: dict[str, tuple[Options | Candidate, ...]] = {
+            "light": self.lights,
+            "material": self.materials,
+            "view": self.views,
+            "method": self.methods,
+        }
+        return CellIndex.product({kind: [(i.name, i.as_dict()) for i in items] for kind, items in kinds.items()})
 
     def resolved(self) -> dict[str, Any]:
         """The study as plain data, everything spelled out; its YAML loads as an equal study."""
         return {
             "title": self.title, "source": self.source, "question": self.question,
-            "light": [{item.name: item.spelled()} for item in self.lights],
-            "material": [{item.name: item.spelled()} for item in self.materials],
-            "view": [{item.name: item.spelled()} for item in self.views],
-            "methods": [{item.name: item.spelled()} for item in self.methods],
+            "light": [{item.name: item.as_dict()} for item in self.lights],
+            "material": [{item.name: item.as_dict()} for item in self.materials],
+            "view": [{item.name: item.as_dict()} for item in self.views],
+            "methods": [{item.name: item.as_dict()} for item in self.methods],
             "reference": self.reference.model_dump(),
             "metrics": list(self.metrics),
             "claims": [claim.model_dump(mode="json", exclude_none=True) for claim in self.claims],
@@ -233,14 +241,14 @@ def _entries(document: Document, kind: str) -> list[tuple[KeyPath, Any]]:
 
 def _items(document: Document, forms: list[Form], time_limit: float) -> tuple[Any, ...]:
     """All items of one kind; InputError for one that is there twice: claims would count it twice."""
-    found: dict[tuple[str, str], Item] = {}
+    found: dict[str, Any] = {}
     for form in forms:
         with loading(form.cls.name, time_limit) if is_foreign(form.cls) else nullcontext():
             variants = list(form.variants())
         for item in variants:
-            key = (item.name, item.json)
+            key = text_of(item)
             if key in found:
-                text = f"{path_text(form.path)} states the same twice: {item.name} {item.json}"
+                text = f"{path_text(form.path)} states the same twice: {key}"
                 raise document.error(form.path, text)
             found[key] = item
     return tuple(found.values())

@@ -253,11 +253,11 @@ def test_a_list_of_materials_is_one_sum_and_a_list_of_lists_sweeps(study_of):
     one = study_of("{sum: {of: [{kurt: {m: 0.1}}, phong], weights: [0.7, 0.3]}}")
     four = study_of("{sum: {of: [[{kurt: {m: 0.1}}, phong], [ggx, phong]], weights: [[0.7, 0.3], [0.5, 0.5]]}}")
 
-    assert [item.options["weights"] for item in one.materials] == [[0.7, 0.3]]
-    assert [[next(iter(part)) for part in item.options["of"]] for item in four.materials] == [
+    assert [item.as_dict()["weights"] for item in one.materials] == [[0.7, 0.3]]
+    assert [[next(iter(part)) for part in item.as_dict()["of"]] for item in four.materials] == [
         ["kurt", "phong"], ["kurt", "phong"], ["ggx", "phong"], ["ggx", "phong"]
     ]  # fmt: skip
-    assert [item.options["weights"] for item in four.materials] == [[0.7, 0.3], [0.5, 0.5]] * 2
+    assert [item.as_dict()["weights"] for item in four.materials] == [[0.7, 0.3], [0.5, 0.5]] * 2
 
 
 def test_a_resolved_study_spells_every_inner_option_out_and_loads_again(study_of):

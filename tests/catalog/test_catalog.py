@@ -191,7 +191,7 @@ def test_a_study_takes_the_name_and_its_options(probe, tmp_path):
 
     study = load_study(tmp_path / "s.yaml")
 
-    assert [(item.name, item.options) for item in study.lights] == [
+    assert [(item.name, item.as_dict()) for item in study.lights] == [
         ("grace_cross", {"resolution": None}), ("grace_cross", {"resolution": 4}), ("grace_cross", {"resolution": 8}),
     ]  # fmt: skip
 

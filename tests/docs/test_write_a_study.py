@@ -66,13 +66,13 @@ def test_two_lists_make_six_methods_and_eighteen_cells(study):
 
 
 def test_one_pair_is_one_anisotropic_material_and_pairs_in_a_list_are_several(study):
-    widths = [item.options["alpha"] for item in study("material", "ggx").materials]
+    widths = [item.as_dict()["alpha"] for item in study("material", "ggx").materials]
 
     assert widths == [[0.1, 0.4], [0.1, 0.1], [0.4, 0.4], [0.2, 0.1], [0.3, 0.1]]
 
 
 def test_zip_pairs_and_multiplies_with_other_lists(study):
-    options = [item.options for item in study("methods", "zip", claims=[]).methods]
+    options = [item.method.as_dict() for item in study("methods", "zip", claims=[]).methods]
 
     assert [(o["samples"], o["xi"], o["mip_bias"]) for o in options] == [
         (17, 0.2, 0.0), (17, 0.2, 1.0), (64, 0.05, 0.0), (64, 0.05, 1.0)

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from glossbench.envmap.formats.files import read_file, write_exr
 from glossbench.errors import InputError
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
@@ -408,8 +409,6 @@ def test_what_changes_no_number_changes_no_key(study_of, first_again, change):
 
 
 def test_a_cached_cell_bears_the_seed_and_the_file_of_this_run(study_of, tmp_path):
-    from glossbench.envmap.formats.files import write_exr
-
     for name in ("a.exr", "b.exr"):
         write_exr(tmp_path / name, torch.ones(4, 8, 3))
     fixed = {"methods": "{flat: {seed: 3}}", "reference": "{relative_error: 0.05, seed: 0}"}
@@ -474,6 +473,50 @@ def test_a_tuned_cell_says_what_was_found(study_of, tmp_path):
 
 
 # What stops a run before it begins
+
+
+@pytest.fixture
+def lit_by_a_file(study_of, tmp_path, monkeypatch):
+    """A finished study under an image, the path of its results, and the names of the files that are decoded later."""
+    write_exr(tmp_path / "a.exr", torch.ones(4, 8, 3))
+    study = study_of(light="{file: a.exr, resolution: 4}", methods="{environment_sampling: {samples: 2}}")
+    run_study(study, tmp_path / "r")
+    decoded: list[str] = []
+
+    def counting(path: Path, *rest: Any) -> Any:
+        decoded.append(path.name)
+        return read_file(path, *rest)
+
+    monkeypatch.setattr("glossbench.envmap.lights.light.read_file", counting)
+    return study, tmp_path / "r", decoded
+
+
+def test_a_finished_study_decodes_no_light(lit_by_a_file):
+    study, folder, decoded = lit_by_a_file
+
+    run_study(study, folder)
+
+    assert decoded == []
+
+
+def test_a_study_that_lacks_a_cell_decodes_its_light(lit_by_a_file):
+    """Twin of the above."""
+    study, folder, decoded = lit_by_a_file
+    next((folder / "cells").iterdir()).unlink()
+
+    run_study(study, folder)
+
+    assert set(decoded) == {"a.exr"}
+
+
+def test_an_image_of_other_radiance_makes_a_finished_study_new(lit_by_a_file):
+    study, folder, _ = lit_by_a_file
+    before = Results(folder).cells["light_key"][0]
+    write_exr(study.folder / "a.exr", torch.full((4, 8, 3), 2.0))
+
+    after = run_study(study, folder).cells["light_key"][0]
+
+    assert after != before
 
 
 def test_a_light_that_cannot_be_read_stops_the_run_before_it_writes(study_of, tmp_path):

@@ -135,14 +135,7 @@ def test_the_pairs_that_are_counted_are_those_that_the_verdict_finds(write):
     from glossbench.findings.verdicts import judge
 
     study = load_study(write(claims=f"[{{text: A, {PAIR}}}, {{text: B, {PAIR}, where: {{samples: 8}}}}]"))
-    rows = [
-        {
-            "light": cell.light.name, "light_options": cell.light.json, "material": cell.material.name,
-            "material_options": cell.material.json, "view": cell.view.name, "view_options": cell.view.json,
-            "method": cell.method.name, "options": cell.method.json, "status": "done", "rms": 1.0, "n_samples": 1,
-        }
-        for cell in study.cells()
-    ]  # fmt: skip
+    rows = [cell.record(metrics={"rms": 1.0}, n_samples=1).row() for cell in study.cells()]
 
     verdicts = judge(study.claims, pandas.DataFrame(rows))
 

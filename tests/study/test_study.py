@@ -22,7 +22,7 @@ from glossbench.options import Color, Fraction, Resolution, Widths
 from glossbench.scene.points import VIEWS, View
 from glossbench.shading.method import METHODS, Method
 from glossbench.study import document as yaml_marks
-from glossbench.study.cells import Tune
+from glossbench.study.cells import Tune, text_of
 from glossbench.study.document import dump
 from glossbench.study.installed import study_files
 from glossbench.study.schema import schema
@@ -132,7 +132,7 @@ def a_study(**changes: Any) -> str:
 
 
 def options_of(items, *names):
-    return [tuple(item.options[name] for name in names) for item in items]
+    return [tuple(item.as_dict()[name] for name in names) for item in items]
 
 
 # What a study means
@@ -143,8 +143,8 @@ def test_defaults_are_spelled_out(write):
 
     assert study.title == "T"
     assert study.name == "my"
-    assert study.lights[0].options == {"seed": 0, "resolution": 16}
-    assert study.methods[0].options == {"samples": 40, "bias": 0.0, "gain": 1.0, "mip_filter": "box"}
+    assert study.lights[0].as_dict() == {"seed": 0, "resolution": 16}
+    assert study.methods[0].method.as_dict() == {"samples": 40, "bias": 0.0, "gain": 1.0, "mip_filter": "box"}
     assert study.metrics == ("rms", "relative_rms", "mean_error", "max_error")
     assert study.reference.relative_error == 1e-3
     assert (study.seed, study.device, study.exclude, study.claims) == (0, "cpu", (), ())
@@ -184,7 +184,7 @@ def test_the_order_of_options_in_the_file_is_what_counts(write):
 def test_a_list_is_one_value_where_the_option_takes_it(write, stated, widths):
     study = load_study(write(a_study(material=f"{{plain: {{m: {stated}}}}}")))
 
-    assert [item.options["m"] for item in study.materials] == widths
+    assert [item.as_dict()["m"] for item in study.materials] == widths
 
 
 def test_zip_pairs_options_and_multiplies_with_others(write):
@@ -206,10 +206,10 @@ def test_cells_vary_the_method_fastest_and_the_light_slowest(write):
 
     found = [
         (
-            c.light.options["seed"],
-            c.material.options["f0"],
-            c.view.options["resolution"],
-            c.method.options["samples"],
+            c.light.as_dict()["seed"],
+            c.material.as_dict()["f0"],
+            c.view.as_dict()["resolution"],
+            c.method.as_dict()["samples"],
         )
         for c in cells
     ]
@@ -220,7 +220,7 @@ def test_a_tuned_option_takes_its_range_from_its_bounds(write):
     study = load_study(write(a_study(methods="{sampler: {bias: {tune: rms}, samples: [1, 2]}}")))
 
     assert [item.tune for item in study.methods] == [Tune("bias", "rms", -2, 2)] * 2
-    assert study.methods[0].options["bias"] == 0
+    assert study.methods[0].method.as_dict()["bias"] == 0
 
 
 def test_a_tuned_option_takes_the_range_that_is_stated(write):
@@ -232,7 +232,7 @@ def test_a_tuned_option_takes_the_range_that_is_stated(write):
 def test_a_tuned_option_without_a_default_starts_at_its_lowest(write):
     study = load_study(write(a_study(methods="{needy: {width: {tune: rms}}}")))
 
-    assert study.methods[0].options == {"width": 1}
+    assert study.methods[0].method.as_dict() == {"width": 1}
 
 
 @pytest.mark.parametrize(
@@ -342,9 +342,9 @@ def test_items_are_told_apart_by_canonical_json(write):
         for options in ("samples: 3, bias: {tune: rms}", "bias: {range: [-2, 2], tune: rms}, samples: 3")
     )
 
-    assert first.json == second.json
-    assert json.loads(first.json)["bias"] == {"tune": "rms", "range": [-2, 2]}
-    assert first.json != dataclasses.replace(first, tune=None).json
+    assert text_of(first) == text_of(second)
+    assert first.as_dict()["bias"] == {"tune": "rms", "range": [-2, 2]}
+    assert text_of(first) != text_of(dataclasses.replace(first, tune=None))
 
 
 # The seed
@@ -364,7 +364,7 @@ seed: 7
 
 
 def seeds_of(study):
-    return [item.options.get("seed") for item in study.methods]
+    return [item.method.as_dict().get("seed") for item in study.methods]
 
 
 def test_the_seed_of_the_study_is_that_of_all_that_states_none(write):
@@ -470,8 +470,8 @@ def test_a_light_may_be_a_file(write, light):
     study = load_study(write(a_study(light=light)))
 
     assert study.lights[0].name == "file"
-    assert study.lights[0].options["file"] == "probe.hdr"
-    assert study.lights[0].options["resolution"] is None
+    assert study.lights[0].as_dict()["file"] == "probe.hdr"
+    assert study.lights[0].as_dict()["resolution"] is None
 
 
 def test_a_file_beside_the_study_is_found_from_anywhere(write, tmp_path, monkeypatch):
@@ -483,8 +483,8 @@ def test_a_file_beside_the_study_is_found_from_anywhere(write, tmp_path, monkeyp
 
     study = load_study("../my.yaml")
 
-    assert Path(study.lights[0].options["file"]).is_absolute()
-    assert Path(study.lights[0].options["file"]).samefile(tmp_path / "probe.hdr")
+    assert Path(study.lights[0].as_dict()["file"]).is_absolute()
+    assert Path(study.lights[0].as_dict()["file"]).samefile(tmp_path / "probe.hdr")
     assert Path(study.folder).samefile(tmp_path)
 
 
@@ -495,7 +495,7 @@ def test_a_file_among_the_data_keeps_its_name(write, tmp_path, monkeypatch):
 
     study = load_study(write(a_study(light="probe.hdr")))
 
-    assert study.lights[0].options["file"] == "probe.hdr"
+    assert study.lights[0].as_dict()["file"] == "probe.hdr"
 
 
 def test_another_light_replaces_the_lights_and_what_is_said_of_them(write):
