@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from glossbench.findings.columns import Column
+from glossbench.findings.estimates import Estimate
 from glossbench.study.labels import budget_of, listed
 
 from ..style import number, whole
@@ -37,7 +38,7 @@ def counts_of(report: Report) -> list[Quantity]:
 
 def errors_of(report: Report, metrics: Sequence[str]) -> list[Quantity]:
     """Metrics."""
-    return [_error(report.columns[metric]) for metric in metrics]
+    return [_error(report.columns[metric], report.estimate) for metric in metrics]
 
 
 def costs_of(report: Report, only: Sequence[str] = ()) -> list[Quantity]:
@@ -146,13 +147,20 @@ def _count(column: Column) -> Quantity:
     return Quantity(Head(_title(column), column.unit, column.name, role="count"), entry)
 
 
-def _error(column: Column) -> Quantity:
+def _error(column: Column, estimate: Callable[[Mapping[str, Any], str], Estimate]) -> Quantity:
     def entry(cell: Cell, group: Group) -> Entry:
         value = cell.row.get(column.name)
         sort = 0.0 if cell.row["at_noise_floor"] else value
-        return Entry(number(value), "", cell.row["key"] in group.best.get(column.name, ()), sort)
+        is_best = cell.row["key"] in group.best.get(column.name, ())
+        note = "" if value is None else _uncertainty(estimate(cell.row, column.name))
+        return Entry(number(value), note, is_best, sort)
 
     return Quantity(Head(_title(column), column.unit, column.name, role="error"), entry)
+
+
+def _uncertainty(found: Estimate) -> str:
+    """Half the 95 % interval that the noise of the reference leaves; "" where it is not known."""
+    return f"± {number(found.half_width, 2)}" if found.half_width > 0 else ""
 
 
 def _cost(column: Column, part: str = "") -> Quantity:

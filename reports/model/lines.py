@@ -1,6 +1,6 @@
 """What each method with its options reached over what a study sweeps, and at what cost."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from glossbench.columns import COLUMNS
+from glossbench.findings.estimates import Estimate, estimate_of
 from glossbench.metrics import METRICS
 
 from .axes import Label, Place
@@ -21,6 +22,7 @@ COSTS = {
     **{change: f"update for a new {change} [{_UPDATE.unit}]" for change in ("light", "material", "geometry", "view")},
     "memory": COLUMNS["state_bytes"].heading,
 }
+Row = Mapping[str, Any]
 # Costs below these, in the same units, are the calls of stages that do nothing: no plot is made of them alone.
 NEGLIGIBLE = {cost: 1e-6 if cost == "memory" else 0.01 for cost in COSTS}
 CONFIDENCE = 0.95
@@ -38,6 +40,8 @@ class Measured:
         at_floor: true where the reference cannot resolve the RMS error.
         keys: of the cells; none where a point is a mean over lights.
         band: lower and upper end of the confidence interval, where a point is a mean over three lights or more.
+        interval: lower and upper end of the 95 % interval that the noise of the reference leaves each point; None where
+            it is not known.
         spread: shading time [ms] of the fastest and of the slowest run of each point; None where results do not say.
     """
 
@@ -48,6 +52,7 @@ class Measured:
     at_floor: Mask
     keys: Sequence[str] = ()
     band: tuple[Floats, Floats] | None = None
+    interval: tuple[Floats, Floats] | None = None
     spread: tuple[Floats, Floats] | None = None
 
     @property
@@ -76,12 +81,16 @@ def axis_of(place: Place, metric: str) -> Axis:
     unit = "" if cls.unit == "1" else f" [{cls.unit}]"
     label = f"|{metric}|{unit}" if cls.signed else f"{metric}{unit}"
     rows = [cell.row for group in place.groups for cell in group.done if cell.row["at_noise_floor"]]
-    noise = max((abs(row[metric]) / 2 for row in rows if row.get(metric) is not None), default=0.0)
-    return Axis(label, metric, noise, is_log=cls.lower_is_better)
+    floor = max((abs(row[metric]) for row in rows if row.get(metric) is not None), default=0.0)
+    return Axis(label, metric, floor, is_log=cls.lower_is_better)
 
 
-def measured_at(place: Place, metric: str) -> list[Measured]:
-    """The lines of a metric, in the order of the study; the first light says where they have points."""
+def measured_at(place: Place, metric: str, estimate: Callable[[Row, str], Estimate] = estimate_of) -> list[Measured]:
+    """The lines of a metric, in the order of the study; the first light says where they have points.
+
+    Args:
+        estimate: a metric of a row with its uncertainty.
+    """
     is_log = axis_of(place, metric).is_log
     alike = [
         {place.sweep.point(cell.row): cell.row for group in groups for cell in _plotted(place, group, metric)}
@@ -107,6 +116,7 @@ def measured_at(place: Place, metric: str) -> list[Measured]:
                 np.array([any(row["at_noise_floor"] for row in point) for point in points]),
                 [point[0]["key"] for point in points] if len(alike) == 1 else (),
                 band,
+                _interval([estimate(point[0], metric) for point in points], is_log) if len(alike) == 1 else None,
                 _spread(points),
             )
         )
@@ -130,7 +140,7 @@ def front(lines: Sequence[Measured], cost: str, axis: Axis) -> list[Mask]:
     """
     shown = [axis.shows(line.errors) & np.isfinite(line.costs[cost]) for line in lines]
     worse = [
-        np.where(line.at_floor & (axis.noise > 0), 2 * axis.noise, line.errors) * (1 if axis.is_log else -1)
+        np.where(line.at_floor & (axis.floor > 0), axis.floor, line.errors) * (1 if axis.is_log else -1)
         for line in lines
     ]
     if not lines:
@@ -156,6 +166,17 @@ def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floa
         return None
     low, high = (np.array([1e3 * np.mean([float(row[end]) for row in point]) for point in points]) for end in ends)
     return low, high
+
+
+def _interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] | None:
+    """The ends of each; of the size of the number, where the axis is logarithmic."""
+    half = np.array([each.half_width for each in found])
+    if not (np.isfinite(half) & (half > 0)).any():
+        return None
+    value = np.array([each.value for each in found])
+    value = np.abs(value) if is_log else value
+    low, high = value - half, value + half
+    return np.maximum(low, 0.0) if is_log else low, high
 
 
 def _cost(row: Mapping[str, Any], cost: str) -> float:

@@ -21,7 +21,7 @@ class Axis:
     Attributes:
         label: with its unit.
         name: in a sentence, such as "rms"; "" for the label.
-        noise: of the reference, in the same unit; 0 where it has no such meaning.
+        floor: the largest value that the reference cannot resolve; 0 where it resolves all.
         is_log: else it is linear.
         has_zero: zero has a place on it; on a logarithmic one at the edge, for costs of nothing.
         negligible: what is less counts as nothing.
@@ -31,7 +31,7 @@ class Axis:
 
     label: str
     name: str = ""
-    noise: float = 0.0
+    floor: float = 0.0
     is_log: bool = True
     has_zero: bool = False
     negligible: float = 0.0
@@ -61,7 +61,8 @@ class Line:
         keys: of the cells that a click on a point opens; none where a point is of several cells.
         hollow: true where the reference cannot resolve the value.
         band: lower and upper end of a confidence interval over conditions, drawn as an area.
-        interval: lower and upper end of what the noise of the reference leaves open, drawn as a bar at each point.
+        interval: lower and upper end of the 95 % interval that the noise of the reference leaves open; a thin bar at
+            each point, along y, or along x where the y axis has names.
         spread: lower and upper end of x.
         slope: of log y over log x; None where it has no such meaning.
         beside: other numbers of each point.
@@ -98,7 +99,6 @@ class Panel:
         is_main: drawn larger than others.
         is_curve: its points are so many that they have no markers.
         is_last_resort: drawn only where a condition has no other panel.
-        bound: what limits the reference's noise: "at most" where it is another one for each point; else "".
         title: of a part of the lines.
         part: the lines that are drawn of those that share the axes; None for all.
     """
@@ -111,7 +111,6 @@ class Panel:
     is_main: bool = False
     is_curve: bool = False
     is_last_resort: bool = False
-    bound: str = ""
     title: str = ""
     part: int | None = None
 

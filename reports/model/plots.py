@@ -21,8 +21,7 @@ def over_axis(place: Place, metric: str, lines: Sequence[Measured]) -> Panel:
         replace(_line(line, line.x, metric), slope=slope, beside=_shading_time(line))
         for line, slope in zip(lines, slopes, strict=True)
     ]
-    bound = "at most" if place.sweep.kind else ""
-    return Panel("over", axis_over(place, lines), y, drawn, is_main=True, bound=bound)
+    return Panel("over", axis_over(place, lines), y, drawn, is_main=True)
 
 
 def against_cost(place: Place, metric: str, lines: Sequence[Measured], cost: str) -> Panel:
@@ -73,7 +72,7 @@ def cost_axis(cost: str) -> Axis:
 def _line(line: Measured, x: Floats, metric: str) -> Line:
     if metric in COSTS:
         return Line(line.label, x, line.costs[metric], line.keys)
-    return Line(line.label, x, line.errors, line.keys, line.at_floor, line.band)
+    return Line(line.label, x, line.errors, line.keys, line.at_floor, line.band, line.interval)
 
 
 def _shading_time(line: Measured) -> list[Beside]:

@@ -8,6 +8,7 @@ from typing import Any
 from glossbench.columns import parsed
 from glossbench.findings.citations import Citation, cited_by
 from glossbench.findings.columns import Column, columns_of
+from glossbench.findings.estimates import Estimate, estimate_of
 from glossbench.findings.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
@@ -50,6 +51,7 @@ class Report:
     columns: Mapping[str, Column]
     groups: Sequence[Group]
     _places: dict[str, list[Place]] = field(default_factory=dict)
+    _estimates: dict[tuple[str, str], Estimate] = field(default_factory=dict)
     _lines: dict[tuple[int, str], list[Measured]] = field(default_factory=dict)
 
     @classmethod
@@ -84,8 +86,15 @@ class Report:
         """What each line reached at a place."""
         key = id(place), metric  # places are made once and live as long as the report
         if key not in self._lines:
-            self._lines[key] = measured_at(place, metric)
+            self._lines[key] = measured_at(place, metric, self.estimate)
         return self._lines[key]
+
+    def estimate(self, row: Mapping[str, Any], metric: str) -> Estimate:
+        """A metric of a cell with its uncertainty."""
+        key = row["key"], metric
+        if key not in self._estimates:
+            self._estimates[key] = estimate_of(row, metric)
+        return self._estimates[key]
 
     @cached_property
     def sole_method(self) -> str:

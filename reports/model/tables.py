@@ -12,6 +12,8 @@ from .report import Report
 from .table import Entry, Head, Part, Row, Table
 from .times import spread_of
 
+APART = ("where", "verdict", "low", "high", "seeds")  # of a case: they head its row, end it, or are in its summary
+
 
 def reference_table(report: Report) -> Table:
     """The references, one for each light, material and view that has one."""
@@ -53,17 +55,21 @@ def equal_table(equal: EqualTable, title: str, unit: str, most: int) -> Table:
 
 
 def claim_table(claim: Mapping[str, Any], most: int) -> Table:
-    """The cases of a claim, with the columns that its numbers have."""
+    """The cases of a claim, with the columns that its numbers have; an interval stands below its number."""
     cases = claim["numbers"]
-    keys = list(dict.fromkeys(key for case in cases for key in case if key not in ("where", "verdict")))
+    keys = list(dict.fromkeys(key for case in cases for key in case if key not in APART))
     rows = []
     for case in cases[:most]:
         where = case["where"] if isinstance(case["where"], str) else listed(case["where"])
-        rows.append(
-            Row([where], [Entry(_value(case.get(key))) for key in keys] + [Entry(str(case.get("verdict", "")))])
-        )
+        entries = [Entry(_value(case.get(key)), _interval(case) if key == "value" else "") for key in keys]
+        rows.append(Row([where], [*entries, Entry(str(case.get("verdict", "")))]))
     heads = [*(Head(key) for key in keys), Head("verdict", is_number=False)]
     return Table([Head("where", is_number=False)], heads, [Part("", rows, max(0, len(cases) - most))])
+
+
+def _interval(case: Mapping[str, Any]) -> str:
+    low, high = case.get("low"), case.get("high")
+    return "" if low is None or high is None or not low < high else f"{number(low)} to {number(high)}"
 
 
 def _value(value: Any) -> str:

@@ -71,7 +71,6 @@ def _panel(panel: Panel, pool: Pool) -> dict[str, Any]:
         "fronts": pool.add([[i, int(j)] for i, mask in enumerate(panel.fronts) for j in np.flatnonzero(mask)]),
         "isMain": panel.is_main,
         "isLastResort": panel.is_last_resort,
-        "bound": panel.bound,
     }
 
 
@@ -79,7 +78,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
     return {
         "label": axis.label,
         "name": axis.name or axis.label,
-        "noise": axis.noise,
+        "floor": axis.floor,
         "isLog": axis.is_log,
         "hasZero": axis.has_zero,
         "atValues": axis.at_values,

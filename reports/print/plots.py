@@ -49,8 +49,8 @@ def comparable(panels: Sequence[Panel]) -> list[Panel]:
 
 @style(SMALL)
 def draw(panels: Sequence[Panel]) -> Figure:
-    """Panels side by side: shaded up to twice the reference's noise, dashed the Pareto front, a band of confidence
-    where points are means over lights, a bar where the noise leaves a number open. The key has all lines, with their
+    """Panels side by side: shaded what the reference cannot resolve, dashed the Pareto front, a band of confidence
+    where points are means over lights, a thin bar what its noise leaves open. The key has all lines, with their
     slopes; of very many lines some, evenly.
     """
     every = {line.label.index: line for panel in reversed(panels) for line in reversed(panel.lines)}
@@ -99,6 +99,8 @@ def _draw_rows(panel: Panel, left_out: int) -> Figure:
             values = line.x[x.shows(line.x) & seen]
             look = _look(line) | {"ls": "", "mfc": face or line.label.colour}
             ax.plot(values, np.full(len(values), row), **look)
+        if line.interval is not None:
+            ax.hlines(np.full(len(line.x), row), *line.interval, colors=line.label.colour, lw=0.8)
     ax.set_ylim(len(lines) - 0.4, -0.6)
     title, names = named([line.label for line in lines])
     more = f"{left_out} more lines are not drawn here" if left_out else ""
@@ -122,6 +124,10 @@ def _draw(ax: Axes, panel: Panel) -> None:
         if line.spread is not None:
             low, high = line.spread
             ax.hlines(y[seen], low[seen], high[seen], colors=look["color"], lw=2.5, alpha=0.35)
+        if line.interval is not None:
+            low, high = (np.where(panel.y.shows(end), end, y) for end in line.interval)
+            low = np.where(panel.y.shows(line.interval[0]), low, y / 1000)  # to zero, far below the axis
+            ax.vlines(x[seen], low[seen], high[seen], colors=look["color"], lw=0.8)
         ax.plot(x[seen], y[seen], **look | ({} if seen.sum() > 1 else {"ls": ""}))
         floored = seen & line.is_hollow
         ax.plot(x[floored], y[floored], **look | {"ls": "", "mfc": PAPER})
@@ -154,9 +160,11 @@ def _explained(panels: Sequence[Panel], left_out: int) -> list[Artist]:
     """What the key says beside the lines."""
     found: list[Artist] = []
     first = panels[0]
-    if first.y.is_log and first.y.noise > 0:
-        noise = " ".join(filter(None, (first.bound, number(2 * first.y.noise, 2))))
-        found.append(Patch(color=INK, alpha=0.1, lw=0, label=f"twice the noise, {noise}"))
+    if first.y.is_log and first.y.floor > 0:
+        found.append(Patch(color=INK, alpha=0.1, lw=0, label=f"noise floor, up to {number(first.y.floor, 2)}"))
+    if any(line.interval is not None for line in first.lines):
+        bar: dict[str, Any] = {"ls": "", "marker": "|", "color": INK, "mew": 0.8, "ms": 8}
+        found.append(Line2D([], [], **bar, label=f"{100 * CONFIDENCE:.0f} % by noise"))
     if any(panel.fronts for panel in panels):
         found.append(Line2D([], [], **FRONT, label="Pareto front"))
     if any(line.band is not None for line in first.lines):
@@ -207,7 +215,7 @@ def _scale(ax: Axes, side: str, axis: Axis, values: Sequence[np.ndarray]) -> Non
         return
     (ax.set_yscale if side == "y" else ax.set_xscale)("log")
     seen = [float(v) for each in values for v in each[axis.shows(each)]] or [1.0]
-    floor = 2 * axis.noise
+    floor = axis.floor
     # A floor far below every dot would squeeze the dots: then the key alone tells where it is.
     shown = floor > min(seen) / 30
     low, high = min([*seen, floor] if shown else seen) / 1.6, max([*seen, floor] if shown else seen) * 1.6

@@ -17,7 +17,8 @@ BESIDE_ERRORS = ("shade_seconds", "state_bytes")  # costs that stand beside erro
 ERRORS = (
     "Errors and costs of all cells. Bold: the best of its light, material and view. At the noise floor: the RMS "
     "error is within twice the reference's own noise, so the reference cannot tell how large it is; such cells "
-    "share the best place. Shading time of warm runs; state is what the stages leave in memory."
+    "share the best place. After ±, half the 95 % interval that the noise of the reference leaves. Shading time of "
+    "warm runs; state is what the stages leave in memory."
 )
 COSTS = "Costs of all cells. Stages: all precomputation; new: the part of it that must be redone when that changes."
 CELLS = "cells: all are in cells.parquet"

@@ -115,7 +115,7 @@ def check_front(lines, masks):
 def test_at_the_noise_floor_a_lower_number_is_no_better():
     cheap, costly = line("cheap", 0, [1], [0.019], [True]), line("costly", 1, [5], [0.01], [True])
 
-    masks = front([cheap, costly], "shade", Axis("rms", noise=0.01))
+    masks = front([cheap, costly], "shade", Axis("rms", floor=0.02))
 
     assert [mask.tolist() for mask in masks] == [[True], [False]]
 

@@ -14,6 +14,7 @@ from glossbench.reports.figure import FIGURES, Figure
 from glossbench.reports.model.cell_table import cell_table, costs_of, counts_of, errors_of
 from glossbench.reports.model.options import AxisOption, MetricOption, PlaceOption
 from glossbench.reports.model.panels import Axis, Line, Panel, Panels
+from glossbench.reports.model.plots import over_axis
 from glossbench.reports.model.report import Report
 from glossbench.reports.page import html, payload
 from glossbench.reports.page.plot_data import plot_data
@@ -143,3 +144,40 @@ def test_equal_values_are_stored_once_in_the_page(report):
     texts = [json.dumps(value) for value in data["pool"]]
     assert len(set(texts)) == len(texts)
     assert data == plot_data(Report.of(report.results))
+
+
+# Intervals. Errors against the whole reference and without each of four groups, of which statistics is by hand.
+
+LEFT_OUT = [2.0, 2.1, 1.9, 2.2, 1.8]
+
+
+def test_a_number_stands_with_half_its_interval_in_tables_and_with_its_ends_in_plots(folder):
+    check_interval(Report.of(Results(folder)))
+
+
+def test_the_check_of_intervals_notices_a_standard_error_in_the_place_of_half_an_interval(folder, monkeypatch):
+    monkeypatch.setattr("glossbench.findings.estimates.Estimate.half_width", property(lambda e: e.standard_error))
+
+    with pytest.raises(AssertionError):
+        check_interval(Report.of(Results(folder)))
+
+
+def check_interval(report):
+    """The variance is 3/4 of the sum of (0.1, -0.1, 0.2, -0.2) squared; t of 3 degrees is 3.182446."""
+    half = 3.182446 * (0.75 * 0.1) ** 0.5
+    row = report.done[0].done[0].row
+    row["left_out"] = {"rms": LEFT_OUT}
+    table = cell_table(report, errors_of(report, ["rms"]), 99)
+    place = report.places(report.axes["samples"])[0]
+    (line, *_) = over_axis(place, "rms", report.lines(place, "rms")).lines
+    assert table.parts[0].rows[0].entries[0].note == f"± {half:.2f}"
+    low, high = line.interval
+    assert (low[0], high[0]) == pytest.approx((2 - half, 2 + half), rel=1e-6)
+
+
+def test_without_groups_there_is_no_interval(report):
+    place = report.places(report.axes["samples"])[0]
+    table = cell_table(report, errors_of(report, ["rms"]), 99)
+
+    assert {entry.note for row in table.parts[0].rows for entry in row.entries} == {""}
+    assert all(line.interval is None for line in over_axis(place, "rms", report.lines(place, "rms")).lines)

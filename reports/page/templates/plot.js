@@ -33,7 +33,7 @@ function drawPlot({ panel, shown, width, height, describe }) {
   const indices = (line) => line.y.map((_, i) => i).filter((i) => isSeen(panel.x, line.x[i]) && isSeen(panel.y, line.y[i]));
   const valuesOf = (side) => {
     const values = lines.flatMap((line) => indices(line).map((i) => line[side][i]));
-    const floor = panel[side].isLog ? 2 * panel[side].noise : 0;
+    const floor = panel[side].isLog ? panel[side].floor : 0;
     return { values, floor, showsFloor: values.length > 0 && floor > Math.min(...values) / 30 };
   };
   const [across, up] = [valuesOf("x"), valuesOf("y")];
@@ -69,6 +69,7 @@ function drawPlot({ panel, shown, width, height, describe }) {
       svg.append(svgElement("path", { class: "line", d: "M" + d, stroke: line.colour, "stroke-dasharray": dashOf(line) }));
     }
     if (line.spread) svg.append(...points.map((i) => spreadOf(line, i, horizontal, vertical)));
+    if (line.interval) svg.append(...points.map((i) => intervalOf(line, i, place(line, i), isNamed ? horizontal : vertical, isNamed, area)));
     for (const i of points) {
       const [px, py] = place(line, i);
       const point = svgElement("g", {
@@ -140,6 +141,13 @@ function spreadOf(line, i, { at }, vertical) {
   const [from, to] = line.spread.map((end) => at(end[i]).toFixed(1));
   const y = vertical.at(line.y[i]).toFixed(1);
   return svgElement("path", { class: "spread", d: `M${from} ${y}H${to}`, stroke: line.colour });
+}
+
+// What the noise of the reference leaves open, along y, or along x where rows have names.
+function intervalOf(line, i, [x, y], { at }, isAcross, area) {
+  const [low, high] = isAcross ? [area.left, area.right] : [area.top, area.bottom];
+  const [from, to] = line.interval.map((ends) => (ends[i] > 0 ? Math.min(high, Math.max(low, at(ends[i]))) : isAcross ? low : high).toFixed(1));
+  return svgElement("path", { class: "interval", d: isAcross ? `M${from} ${y}H${to}` : `M${x} ${from}V${to}`, stroke: line.colour });
 }
 
 // The Pareto front of all lines: stairs through its points that are shown, and a ring about each.

@@ -93,16 +93,15 @@ function plots() {
     const line = panel.lines.find((each) => String(each.index) === point.dataset.line);
     const i = Number(point.dataset.i);
     const ends = (pair) => pair.map((end) => number(end[i])).join(" to ");
-    const row = (axis, value) => line.hollow[i] && axis.noise > 0
-      ? `at the noise floor: ${axis.name} at most about ${number(2 * axis.noise, 2)}`
+    const row = (axis, value) => line.hollow[i] && axis.floor > 0
+      ? `at the noise floor: ${axis.name} at most about ${number(axis.floor, 2)}`
       : `${axis.label}: ${axis.atValues ? tick(value) : number(value)}`;
     const [metric, value] = panel.y.names.length ? [panel.x, line.x[i]] : [panel.y, line.y[i]];
     const rows = [[line.name, "name"]];
     if (panel.x.atValues) rows.push([row(panel.x, line.x[i])]);
     rows.push([row(metric, value)]);
     if (line.band) rows.push([`95 % interval ${ends(line.band)}`]);
-    if (line.interval) rows.push([`95 % interval by the noise ${ends(line.interval)}`]);
-    if (metric.noise > 0) rows.push([`noise of the reference: ${number(metric.noise, 2)}`]);
+    if (line.interval) rows.push([`95 % interval by the reference's noise: ${ends(line.interval)}`]);
     if (panel.x !== metric && !panel.x.atValues) rows.push([row(panel.x, line.x[i])]);
     if (line.spread) rows.push([`runs from ${ends(line.spread)}`]);
     for (const { title, values, spread } of line.beside) {
@@ -200,11 +199,11 @@ function plots() {
   };
 
   const floorKey = (panels) => {
-    const panel = panels.find(({ y }) => y.isLog && y.noise > 0);
+    const panel = panels.find(({ y }) => y.isLog && y.floor > 0);
     if (!panel) return [];
     const item = document.createElement("li");
     item.className = "quiet floor-key";
-    item.textContent = `twice the reference's noise: ${panel.bound && `${panel.bound} `}${number(2 * panel.y.noise, 2)}`;
+    item.textContent = `noise floor: up to ${number(panel.y.floor, 2)}`;
     return [item];
   };
 
