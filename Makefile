@@ -3,10 +3,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test check format bench clean
+.PHONY: help demo test test-fast check format bench clean
 
 help:  ## Show this list.
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -17,8 +17,11 @@ $(INSTALLED): pyproject.toml constraints.txt
 demo: $(INSTALLED)  ## Install, run the quickstart study, print its table and the report's path.
 	$(BIN)/glossbench run quickstart
 
-test: $(INSTALLED)  ## All tests, a process a core.
+test: $(INSTALLED)  ## All tests, a process for each core.
 	$(BIN)/python -m pytest -n auto --dist loadfile
+
+test-fast: $(INSTALLED)  ## The tests that take no time, of every part: those that tests/slow.txt does not list.
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
 
 check: $(INSTALLED)  ## Format, lint and types.
 	$(BIN)/ruff format --check .

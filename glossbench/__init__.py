@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from glossbench.errors import InputError, MethodError
     from glossbench.metrics import Metric
     from glossbench.scene.points import View
-    from glossbench.shading.method import Contract, Image, Method, shade, stage
+    from glossbench.shading.image import Image, shade
+    from glossbench.shading.method import Contract, Method, stage
     from glossbench.truth.reference import Reference
     from glossbench.truth.reference import compute_reference as reference
 
@@ -38,7 +39,8 @@ _HOMES = {
     "reference": ("truth.reference", "compute_reference"),
     "Metric": ("metrics", "Metric"),
     "View": ("scene.points", "View"),
-    **{name: ("shading.method", name) for name in ("Contract", "Image", "Method", "shade", "stage")},
+    **{name: ("shading.image", name) for name in ("Image", "shade")},
+    **{name: ("shading.method", name) for name in ("Contract", "Method", "stage")},
 }
 
 __all__ = [

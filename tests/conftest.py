@@ -14,6 +14,26 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: torch, not yet impo
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
+SLOW = {line for line in (Path(__file__).parent / "slow.txt").read_text().split("\n") if line and line[0] != "#"}
+
+
+def _is_slow(name: str) -> bool:
+    """Whether slow.txt lists a test, for all its parameters, or its whole file."""
+    return name.partition("[")[0] in SLOW or name.partition("::")[0] in SLOW
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """The fast tier does not even import files that are slow as a whole."""
+    named = collection_path.relative_to(Path(__file__).parent).as_posix() in SLOW
+    return True if named and config.option.markexpr == "not slow" else None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if _is_slow(item.nodeid.removeprefix("tests/")):
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _registries_as_they_were():
     """What a module's tests register is gone when the next module's begin."""
@@ -28,11 +48,11 @@ def _registries_as_they_were():
 @pytest.fixture(scope="session", autouse=True)
 def _nothing_waits():
     """Work is not run again to be timed, but where `several_runs` is asked for; no write waits for the disk."""
-    from glossbench.shading import method, stage_cache  # late, as they import torch
+    from glossbench.shading import image, stage_cache  # late, as they import torch
     from glossbench.shading.costs import timed
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (method, stage_cache):
+        for module in (image, stage_cache):
             patch.setattr(module, "timed", lambda work, device, patience: timed(work, device, 0))
         patch.setattr(os, "fsync", lambda opened: None)
         yield
@@ -43,7 +63,7 @@ def several_runs(monkeypatch):
     """Work is timed as outside of tests: run again and again."""
     from glossbench.shading.costs import timed
 
-    for module in ("method", "stage_cache"):
+    for module in ("image", "stage_cache"):
         monkeypatch.setattr(f"glossbench.shading.{module}.timed", timed)
 
 

@@ -14,10 +14,11 @@ from torch import Tensor
 from glossbench.brdf.cook_torrance import CookTorrance
 from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.lobe import Lobe
-from glossbench.directions import Vec3, points_2d, stack, to_local, to_world, vec3
+from glossbench.directions import Vec3, points_2d, stack, to_local, vec3
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Spots
 from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, weighted_radiance
+from glossbench.prefilter.filtered_samples import filtered_samples
 from glossbench.prefilter.light_shadows import variance_shadow_maps
 from glossbench.prefilter.lighting_function import sample_lighting_function, texel_weights
 from glossbench.prefilter.median_cut import median_cut
@@ -76,10 +77,9 @@ def _kernel_lines() -> list[Line]:
 
 
 def _filtered(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
-    """The kernel of filtered importance sampling, written as methods write it."""
-    wi, pdf, weight = lobe.sample(points.wo_local(), samples)
-    d = to_world(wi, points.t, points.b, points.n)
-    return weighted_radiance(pyramid, d, level + 0.5 * (pyramid.log2_texels_per_sr(d) - torch.log2(pdf)), weight)
+    """Filtered samples of a light that nothing hides."""
+    _, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
+    return weighted_radiance(pyramid, d, lod, weight)
 
 
 def _straightforward(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:

@@ -86,9 +86,7 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
         if row["status"] != "done":
             table.add_row(*named, row["status"])
             continue
-        numbers = [
-            "floor" if row["at_noise_floor"] and name != "mean_error" else f"{row[name]:.4g}" for name in metrics
-        ]
+        numbers = [_error(row, name) for name in metrics]
         table.add_row(*named, str(row["n_samples"]), *numbers, f"{1000 * row['shade_seconds']:.1f}")
     # Numbers that a narrow window, or a file, would cut are of no use.
     needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
@@ -104,7 +102,19 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
         say(reason)
     if len(reasons) > MAX_ROWS:
         say(f"... and {len(reasons) - MAX_ROWS} more reasons: all are in the report")
-    print_words(explain_table(rows, with_decided=False))
+    halves = {"±": "half of the 95 % interval"} if any("left_out" in row and row["left_out"] for row in rows) else {}
+    print_words(halves | explain_table(rows, with_decided=False))
+
+
+def _error(row: dict[str, Any], metric: str) -> str:
+    """A metric with half its 95 % interval; "floor" where the reference cannot tell how large the error is."""
+    from glossbench.findings.columns import column_of_metric  # late, as they import torch
+    from glossbench.findings.estimates import estimate_of
+
+    if row["at_noise_floor"] and not column_of_metric(metric).signed:
+        return "floor"
+    half = estimate_of(row, metric).half_width
+    return f"{row[metric]:.4g} ± {half:.1g}" if half else f"{row[metric]:.4g}"
 
 
 def print_words(said: dict[str, str]) -> None:
@@ -136,7 +146,7 @@ def print_verdicts(claims: list[dict[str, Any]]) -> None:
     """The claims of a study, each with its verdict."""
     from glossbench.findings.legends import explain_verdicts  # late, as it imports torch
 
-    styles = {"holds": "green", "does not hold": "red", "within noise": "yellow"}
+    styles = {"holds": "green", "does not hold": "red", "equal": "cyan", "within noise": "yellow"}
     for claim in claims:
         out.print()
         out.print(claim["verdict"], style=styles.get(claim["verdict"], "dim"), end="  ")

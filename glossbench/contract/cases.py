@@ -3,7 +3,6 @@
 Points are given directly, not by a camera: any normal, any view, in any order.
 """
 
-import inspect
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
@@ -23,7 +22,8 @@ from glossbench.envmap.lights.synthetic import Spots
 from glossbench.errors import InputError
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading.method import INPUTS, Method, budget_of, prepare
+from glossbench.shading.image import arguments_of, prepare
+from glossbench.shading.method import INPUTS, Method, budget_of
 from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import Reference, compute_reference
 
@@ -109,9 +109,8 @@ class Shader:
         view = GivenPoints(points)
         inputs = dict(zip(INPUTS, (self.light, self.material, view.scene(), view), strict=True))
         prepared = prepare(self.method, inputs, self.kept)
-        values = {**inputs, "points": points, **{name: each.value for name, each in prepared.items()}}
-        wanted = inspect.signature(self.method.shade).parameters
-        return self.method.shade(**{name: values[name] for name in wanted})
+        known = {**inputs, "points": points, **{name: each.value for name, each in prepared.items()}}
+        return self.method.shade(**arguments_of(self.method.shade, known))
 
 
 def truth_for(method: Method) -> Truth:

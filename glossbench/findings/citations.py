@@ -1,21 +1,13 @@
 """Citations: the literature that the sources of methods, materials, lights, views and metrics refer to, as BibTeX."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from glossbench.brdf.material import MATERIALS
 from glossbench.documentation import documentation
-from glossbench.envmap.lights.light import LIGHTS
-from glossbench.metrics import METRICS
-from glossbench.scene.points import VIEWS
-from glossbench.shading.method import METHODS
-
-REGISTRIES: dict[str, Any] = {
-    "method": METHODS, "material": MATERIALS, "light": LIGHTS, "view": VIEWS, "metric": METRICS
-}  # fmt: skip
+from glossbench.study.registries import REGISTRIES
 
 
 class Citation(NamedTuple):
@@ -39,11 +31,15 @@ def references() -> dict[str, str]:
     return {match[1]: match[0] for match in re.finditer(r"^@\w+\{([\w-]+),.*?^\}", text, re.DOTALL | re.MULTILINE)}
 
 
-def cited_in(text: str) -> list[str]:
-    """Keys of the works that a text names as "Family 2014", "Family et al. 2014" or "Family and Other 2014"."""
+def cited_in(text: str, known: Mapping[str, str] | None = None) -> list[str]:
+    """Keys of the works that a text names as "Family 2014", "Family et al. 2014" or "Family and Other 2014".
+
+    Args:
+        known: entries by key; those of references.bib by default.
+    """
     found = []
-    for key in references():
-        family, year = re.fullmatch(r"(.*?)(\d{4})", key).groups()  # type: ignore[union-attr]
+    for key in references() if known is None else known:
+        family, year = key[:-4], key[-4:]
         others = r"(?: et al\.|,? and [A-Z][\w-]+|, [A-Z][\w-]+)*"
         match = re.search(rf"\b{family}\b{others} {year}\b", text, re.IGNORECASE)
         if match:
@@ -54,16 +50,28 @@ def cited_in(text: str) -> list[str]:
 def source_of(kind: str, name: str) -> str:
     """What the docstring of something registered says after "Source:"; "" without, or where it is not installed."""
     registry = REGISTRIES[kind]
-    if name not in registry.names():
-        return ""
-    paragraphs = re.split(r"\n\s*\n", documentation(registry.get(name)))
+    return source_in(documentation(registry.get(name))) if name in registry.names() else ""
+
+
+def source_in(text: str) -> str:
+    """What a docstring says after "Source:"; "" without."""
+    paragraphs = re.split(r"\n\s*\n", text)
     return next((" ".join(p.removeprefix("Source:").split()) for p in paragraphs if p.startswith("Source:")), "")
 
 
 def cited_by(used: Sequence[tuple[str, str]], study_source: str = "") -> list[Citation]:
-    """The works that these (kind, name) and the source of a study refer to, in this order."""
+    """The works that these (kind, name) and the source of a study refer to, in this order, as installed here."""
+    return cited_in_sources([(name, source_of(kind, name)) for kind, name in used], study_source, references())
+
+
+def cited_in_sources(sources: Iterable[tuple[str, str]], study_source: str, known: Mapping[str, str]) -> list[Citation]:
+    """The works that some sources, each with the name of what it is of, and that of a study refer to, in this order.
+
+    Args:
+        known: BibTeX entries by key.
+    """
     named: dict[str, list[str]] = {}
-    for name, text in [*((name, source_of(kind, name)) for kind, name in used), ("the study", study_source)]:
-        for key in cited_in(text):
+    for name, text in [*sources, ("the study", study_source)]:
+        for key in cited_in(text, known):
             named.setdefault(key, []).append(name)
-    return [Citation(key, references()[key], names) for key, names in named.items()]
+    return [Citation(key, known[key], names) for key, names in named.items()]

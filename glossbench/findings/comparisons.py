@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from glossbench.findings.columns import column_of_metric
 from glossbench.findings.estimates import Estimate, Floats, Sample, estimate
-from glossbench.metrics import METRICS
 from glossbench.study.claims import Bounds, LowerClaim, RatioClaim, SlopeClaim, ValueClaim
 
 HOLDS, FAILS, EQUAL, NOISE, UNTESTED = "holds", "does not hold", "equal", "within noise", "not tested"
@@ -135,6 +135,5 @@ def _within(found: Estimate, bounds: Bounds, edges: Sequence[float]) -> str:
 
 def _edges(bounds: Bounds, column: str, samples: Sequence[Sample]) -> list[float]:
     """The bounds that noise may carry a number across: 0 is none of what is never below it."""
-    is_signed = column in METRICS.names() and METRICS.get(column).signed
-    may_be_negative = is_signed or min(min(sample.values) for sample in samples) < 0
+    may_be_negative = column_of_metric(column).signed or min(min(sample.values) for sample in samples) < 0
     return [bound for bound in bounds if bound is not None and (bound != 0 or may_be_negative)]

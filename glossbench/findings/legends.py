@@ -2,17 +2,12 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from inspect import cleandoc
 from typing import Any
 
-from glossbench.brdf.material import MATERIALS
-from glossbench.envmap.lights.light import LIGHTS
 from glossbench.findings.comparisons import EQUAL, NOISE
-from glossbench.options import Options
-from glossbench.registry import Registry
-from glossbench.scene.points import VIEWS
-from glossbench.shading.method import METHODS
+from glossbench.findings.descriptions import Descriptions, describe_options
 from glossbench.study.labels import KINDS, differing, told_apart
+from glossbench.study.registries import REGISTRIES
 
 WITHIN_NOISE = (
     "the 95 % interval contains what the number is compared with, so the reference cannot tell on which side it is"
@@ -26,7 +21,6 @@ FLOOR = (
     "the RMS error is below twice the noise of the reference, so the reference cannot tell how large the error is; "
     "all such cells are equally good"
 )
-REGISTRIES: Mapping[str, Registry[Any]] = {"light": LIGHTS, "material": MATERIALS, "view": VIEWS, "method": METHODS}
 
 
 def explain_verdicts(claims: Sequence[Mapping[str, Any]]) -> dict[str, str]:
@@ -37,35 +31,30 @@ def explain_verdicts(claims: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     return said | ({"[low, high]": INTERVAL} if has_interval else {})
 
 
-def explain_table(rows: Sequence[Mapping[str, Any]], with_decided: bool = True) -> dict[str, str]:
+def explain_table(
+    rows: Sequence[Mapping[str, Any]], with_decided: bool = True, descriptions: Descriptions | None = None
+) -> dict[str, str]:
     """What "floor" means, where a cell is there; and the options that tell the names of a table apart.
 
     Args:
         with_decided: whether names hold the options, too, that the budget decides.
+        descriptions: where the results have their own, in place of what is installed here.
     """
     said = {"floor": FLOOR} if any(row["at_noise_floor"] for row in rows) else {}
     found: dict[str, dict[str, str]] = {}  # by option and what it says, of what
     for kind, name, option in _telling(rows, with_decided):
-        registry = REGISTRIES[kind]
-        text = describe_options(registry.get(name)).get(option) if name in registry.names() else None
-        if text:
+        if text := _options(kind, name, descriptions).get(option):
             found.setdefault(option, {}).setdefault(text, name)
     for option, texts in found.items():
         said |= {option if len(texts) == 1 else f"{option} of {name}": text for text, name in texts.items()}
     return said
 
 
-def describe_options(cls: type[Options]) -> dict[str, str]:
-    """By name the first sentence that a class's docstring says of each of its options, under "Attributes:"."""
-    described: dict[str, str] = {}
-    for part in re.split(r"\n\s*\n", cleandoc(cls.__doc__ or "")):
-        if not part.startswith("Attributes:"):
-            continue
-        for entry in re.split(r"\n {4}(?! )", part)[1:]:
-            names, colon, text = entry.partition(": ")
-            sentence = re.split(r"(?<=[^.])\.(?: |$)|; ", " ".join(text.split()))[0]
-            described |= {name.strip(): sentence for name in names.split(",") if colon}
-    return described
+def _options(kind: str, name: str, descriptions: Descriptions | None) -> Mapping[str, str]:
+    if descriptions is not None:
+        found = descriptions.of(kind, name)
+        return found.options if found else {}
+    return describe_options(REGISTRIES[kind].get(name)) if name in REGISTRIES[kind].names() else {}
 
 
 def _verdicts(claim: Mapping[str, Any]) -> list[str]:

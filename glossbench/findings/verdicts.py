@@ -9,13 +9,8 @@ from typing import Any
 import numpy as np
 import pandas
 
-from glossbench.columns import parsed
+from glossbench.columns import COLUMNS, parsed
 from glossbench.findings.comparisons import (
-    EQUAL,
-    FAILS,
-    HOLDS,
-    NOISE,
-    UNTESTED,
     Case,
     Row,
     Side,
@@ -25,7 +20,8 @@ from glossbench.findings.comparisons import (
     slope_case,
     value_case,
 )
-from glossbench.findings.estimates import Estimate, Sample
+from glossbench.findings.conclusions import conclude
+from glossbench.findings.estimates import Sample
 from glossbench.metrics import METRICS
 from glossbench.study.cell_index import CellIndex
 from glossbench.study.claim_names import meanings
@@ -38,7 +34,6 @@ from glossbench.study.claims import (
     RatioClaim,
     SlopeClaim,
     ValueClaim,
-    is_cost,
     method_of,
     methods_of,
     options_of,
@@ -112,7 +107,7 @@ class _Table:
                 for row in rows:
                     where = _listed([self._place(row), _shown(row, varying)])
                     cases.append(value_case(claim, row["side"], where))
-        verdict, summary = _concluded(cases, quantity, notes, sides)
+        verdict, summary = conclude(cases, quantity, notes, sides)
         judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict}
         return {**judgement, "numbers": [case.as_numbers() for case in cases], "summary": summary}
 
@@ -133,7 +128,7 @@ class _Table:
                 notes[f"cells without a finite {column}"] += 1
             else:
                 picked.append({**row, column: value, "side": _side_of(row, column, value)})
-                notes["cells without a measured noise"] += not is_cost(column) and column not in row["left_out"]
+                notes["cells without a measured noise"] += _is_metric(column) and column not in row["left_out"]
         return picked
 
     def _pairs(
@@ -191,6 +186,11 @@ class _Table:
 
     def _place(self, row: Row, places: Collection[str] = PLACES) -> str:
         return _listed([self._names[place][identity(place, row)] for place in PLACES if place in places])
+
+
+def _is_metric(column: str) -> bool:
+    """Whether a column is of a metric; all others are declared, and those of one stage or update begin as they do."""
+    return column.partition(".")[0] not in COLUMNS
 
 
 def _spelled(side: Stated) -> str:
@@ -263,41 +263,3 @@ def _curves(rows: list[Row]) -> list[tuple[list[Row], str]]:
         part = [row for row in rows if json.dumps(row["options"].get(key)) == value]
         curves += [(group, _listed([f"{key} {as_text(json.loads(value))}", own])) for group, own in _curves(part)]
     return curves
-
-
-def _concluded(cases: list[Case], quantity: str, notes: Counter[str], sides: Sequence[str]) -> tuple[str, str]:
-    """The verdict on a claim and a sentence with the counts and the extreme numbers."""
-    failed = notes.pop("cells failed", 0) if cases else 0
-    left_out = "".join(f"; {what}: {count}" for what, count in sorted(notes.items()) if count)
-    if not cases:
-        why = left_out.removeprefix("; ") or "the run has no cell that it is about"
-        return UNTESTED, f"Not tested: {why}."
-    count = Counter(case.verdict for case in cases)
-    verdict = next(v for v in (FAILS, HOLDS, EQUAL, NOISE) if count[v])
-    others = "".join(f", {count[word]} {word}" for word in (EQUAL, NOISE) if count[word])
-    low, high = (pick(cases, key=lambda case: case.found.value) for pick in (min, max))
-    span = f"{_number(low.found)} ({low.where})"
-    if len(cases) > 1:
-        span = f"from {span} to {_number(high.found)} ({high.where})"
-    first = f"Judged without {failed} of its cells, which failed. " if failed else ""
-    counted = f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{others}"
-    return verdict, f"{counted}; {quantity}: {span}{_seeds(cases, sides)}{left_out}."
-
-
-def _number(found: Estimate) -> str:
-    """A number and, where noise moves it, its 95 % interval."""
-    if not found.standard_error:
-        return f"{found.value:.4g}"
-    return "{:.4g} [{:.4g}, {:.4g}]".format(found.value, *found.interval)
-
-
-def _seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
-    """How many seeds of random points stand behind each side; nothing where no points are random."""
-    told, least = [], 2
-    for side, numbers in zip(sides, zip(*(case.seeds for case in cases), strict=True), strict=True):
-        low, high = min(numbers), max(numbers)
-        if high:
-            told.append(f"{high if low == high else f'{low} to {high}'} of {side}")
-            least = min(least, low or 1)
-    unknown = " (one alone does not tell its spread)" if least == 1 else ""
-    return f"; seeds: {', '.join(told)}{unknown}" if told else ""

@@ -75,6 +75,7 @@ from glossbench.prefilter.cosine_lobes.pyramid import (
     window_taps,
 )
 from glossbench.prefilter.diffuse import diffuse_radiance, visible_diffuse
+from glossbench.prefilter.filtered_samples import FilteredSamples, filtered_samples
 from glossbench.prefilter.light_shadows import NoShadows, Shadows, Visibility, no_shadows, shadows
 from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
 from glossbench.prefilter.median_cut import Partition, median_cut, whole
@@ -157,8 +158,10 @@ __all__ = [
     # Kernels: pure functions of points, run over all points.
     "PerPoint",
     "over_points",
-    # Stages that methods share, and the diffuse part.
+    # Stages and samples that methods share, and the diffuse part.
+    "FilteredSamples",
     "diffuse_radiance",
+    "filtered_samples",
     "irradiance",
     "pyramid",
     "visible_diffuse",

@@ -77,8 +77,7 @@ class Sources:
 
     def _metrics_of(self, cell: Cell) -> tuple[str, ...]:
         """The study's metrics, rms, which is always measured, and that by which the cell is tuned."""
-        tune = cell.tune
-        return tuple(dict.fromkeys([*self._metrics, "rms", *([tune.metric] if tune else [])]))
+        return tuple(dict.fromkeys([*self._metrics, "rms", *([cell.tune.metric] if cell.tune else [])]))
 
     def _hash(self, cls: type) -> str:
         if cls not in self._known:

@@ -28,7 +28,7 @@ from glossbench.run.manifest import entry
 from glossbench.run.measuring import measure
 from glossbench.run.results import Results
 from glossbench.run.study_lights import Changed, StudyLights
-from glossbench.shading.method import Image
+from glossbench.shading.image import Image
 from glossbench.shading.outputs import check_view, notes_of, printable, reason_of
 from glossbench.shading.stage_cache import StageCache
 from glossbench.study.cells import Cell

@@ -12,7 +12,7 @@ from glossbench.strict_json import sealed, unsealed
 
 NAME = "glossbench.json"
 SUMMARY = ("study.yaml", "provenance.json", "claims.json", "cells.parquet")
-KEPT = ("columns.json",)  # what else a run says of its results; older results lack it
+KEPT = ("columns.json", "described.json")  # what else a run says of its results; older results lack it
 REPORTS = ("report.html", "report.pdf")
 ENTRY = ("key", "light_options", "seed")  # of a cell: a key does not know what a file was called, nor an unused seed
 LISTED, STATED = ("light", "material", "view", "methods"), ("reference", "seed", "device")

@@ -14,7 +14,8 @@ from glossbench.metrics import METRICS
 from glossbench.process.state import guarded
 from glossbench.run.tuning import tune_option
 from glossbench.scene.points import View
-from glossbench.shading.method import Image, Method, shade
+from glossbench.shading.image import Image, shade
+from glossbench.shading.method import Method
 from glossbench.shading.outputs import number_of, pattern_of
 from glossbench.shading.stage_cache import StageCache
 from glossbench.study.cells import Tune

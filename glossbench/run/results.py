@@ -3,6 +3,7 @@
 study.yaml          the resolved study
 cells.parquet       one row a cell, in the order of the study
 columns.json        of each column of that table the unit, title and role, as the run knew them
+described.json      what the run knew of its methods, materials, lights, views and metrics
 claims.json         the verdicts
 provenance.json     versions, hardware, times
 glossbench.json     which files here are this program's, and the keys of the study's cells: there from the start
@@ -31,10 +32,11 @@ from glossbench.atomic import replacing
 from glossbench.envmap.formats.files import read_pixels, write_exr
 from glossbench.errors import InputError
 from glossbench.findings.columns import Column, columns_from_json, columns_of, columns_to_json
+from glossbench.findings.descriptions import Descriptions, describe_study
 from glossbench.findings.verdicts import judge
 from glossbench.run.folder import Folder
 from glossbench.run.manifest import COMPARED, KEPT, SUMMARY, Manifest, entry, listed
-from glossbench.shading.method import Image
+from glossbench.shading.image import Image
 from glossbench.strict_json import dumps, loads, numbers
 from glossbench.study.claims import stated_claims
 from glossbench.study.document import dump, read_document
@@ -108,6 +110,7 @@ class Results:
             self.disk.write("provenance.json", dumps({**provenance, "finished": "not yet"}, indent=1))
         self.disk.own(*KEPT)
         self.disk.write("columns.json", dumps(columns_to_json(columns_of(study["metrics"]))))
+        self.disk.write("described.json", dumps(describe_study(study).as_dict()))
         return ""
 
     def finish(
@@ -237,6 +240,14 @@ class Results:
             with suppress(OSError, ValueError, InputError):
                 return columns_from_json(loads(self.disk.path("columns.json").read_bytes()))
         return columns_of(self.study["metrics"])
+
+    @property
+    def descriptions(self) -> Descriptions:
+        """What the run knew of all that its study names; of older results, what is installed here."""
+        if not self.disk.is_altered("described.json"):
+            with suppress(OSError, ValueError, InputError):
+                return Descriptions.of_dict(loads(self.disk.path("described.json").read_bytes()))
+        return describe_study(self.study, is_of_run=False)
 
     @property
     def claims(self) -> list[dict[str, Any]]:

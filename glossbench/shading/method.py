@@ -10,20 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
-import torch
 from torch import Tensor
 
 from glossbench.brdf.material import Material
 from glossbench.catalog.naming import kind_in_catalog
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.errors import InputError, MethodError, check_call
+from glossbench.errors import InputError
 from glossbench.options import Options, option_names
-from glossbench.process.surroundings import settled
 from glossbench.registry import Registry
-from glossbench.scene.points import ShadingPoints, View, image_of
-from glossbench.shading.costs import Costs, timed
-from glossbench.shading.outputs import count_of, pictures_of, reason_of
-from glossbench.shading.stage_cache import Prepared, StageCache, unwritten
 
 INPUTS = ("light", "material", "scene", "view")
 # What an artist or a game changes -> the input that is then new. A view change leaves the geometry as it is.
@@ -153,115 +146,3 @@ def dependencies(stages: Mapping[str, Stage[Any]]) -> dict[str, frozenset[str]]:
     for name, value in stages.items():
         found[name] = frozenset().union(*(found.get(n, frozenset({n})) for n in value.needs))
     return found
-
-
-@dataclass(frozen=True)
-class Image:
-    """What a method shows.
-
-    Attributes:
-        radiance: (H, W, 3), float32, zero outside the mask.
-        mask: (H, W), true where the surface is seen.
-        costs: seconds and bytes.
-        pictures: of the method's state, (H, W, 3) by name.
-    """
-
-    radiance: Tensor
-    mask: Tensor
-    costs: Costs = field(default_factory=Costs)
-    pictures: Mapping[str, Tensor] = field(default_factory=dict)
-
-
-@settled()
-def shade(
-    method: Method,
-    light: CubeMap,
-    material: Material,
-    view: View,
-    *,
-    cache: StageCache | None = None,
-    time_it: bool = True,
-) -> Image:
-    """The image of a material under a light by a method.
-
-    Args:
-        cache: stages of earlier calls, to be shared; by default none.
-        time_it: run shade again, so that its time is a warm one.
-
-    Raises:
-        InputError: the method does not support the combination.
-        MethodError: the method returned the wrong shape, dtype or device, or radiance that is not finite, or wrote
-            into a tensor that it was given; or what else it returned is not what it must be.
-    """
-    check_call(
-        "shade", method=(method, Method), light=(light, CubeMap), material=(material, Material), view=(view, View)
-    )
-    reason = reason_of(method.name, method.supports(material, view.scene()))
-    if reason:
-        raise InputError(f"{method.name} cannot show this: {reason}")
-    cache = StageCache() if cache is None else cache
-    device = str(light.faces.device)
-    inputs = {"light": light, "material": material, "scene": view.scene(), "view": view}
-    patience = 0.2 if time_it else 0.0
-    prepared = prepare(method, inputs, cache, patience)
-    points = view.points().to(device)
-    known = inputs | {"points": points} | {name: p.value for name, p in prepared.items()}
-    state = {n: known[n] for n in inspect.signature(method.shade).parameters}
-    with unwritten(f"{method.name}.shade", state):
-        values, timing = timed(lambda: method.shade(**state), device, patience)
-    mask = view.mask()
-    depends = dependencies(stages_of(type(method)))
-    costs = Costs(
-        stage_seconds={name: p.seconds for name, p in prepared.items()},
-        update_seconds={
-            change: sum(p.seconds for name, p in prepared.items() if source in depends[name])
-            for change, source in CHANGES.items()
-        },
-        shade=timing,
-        state_bytes=sum(p.n_bytes for p in prepared.values()),
-        n_samples=count_of(method.name, method.n_samples(material)),
-    )
-    pictures: Mapping[str, Tensor] = {}
-    if method.pictures is not None and time_it:
-        needed = inspect.signature(method.pictures).parameters
-        pictures = pictures_of(method.name, method.pictures(**{n: known[n] for n in needed}))
-    return Image(image_of(mask, _checked(method, points, values)), mask, costs, pictures)
-
-
-def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patience: float = 0.0) -> dict[str, Prepared]:
-    """The stages of a method, those that the cache has taken from there, the others computed.
-
-    Args:
-        inputs: light, material, scene and view.
-        patience: seconds for which a stage is run again to be timed.
-    """
-    light = inputs["light"]
-    device = str(light.faces.device)
-    cache.begin()
-    keys: dict[str, Any] = {**inputs, "light": (light.key, light.resolution, device)}
-    prepared: dict[str, Prepared] = {}
-    for name, current in stages_of(type(method)).items():
-        values = {n: inputs[n] if n in INPUTS else prepared[n].value for n in current.needs}
-        names = tuple(keys[n] for n in current.needs)
-        prepared[name] = cache.get(current.function, method, values, names, device, patience)
-        keys[name] = prepared[name].key
-    return prepared
-
-
-def _checked(method: Method, points: ShadingPoints, values: Any) -> Tensor:
-    """The radiance that a method returned, or MethodError."""
-    if not isinstance(values, Tensor):
-        raise MethodError(f"{method.name}.shade must return a tensor, got {type(values).__name__}")
-    if tuple(values.shape) != (len(points), 3) or values.dtype != torch.float32:
-        got = f"{tuple(values.shape)} {str(values.dtype).removeprefix('torch.')}"
-        raise MethodError(f"{method.name}.shade must return ({len(points)}, 3) float32, got {got}")
-    if values.device.type != points.n.x.device.type:
-        raise MethodError(f"{method.name}.shade must return a tensor on {points.device}, got {values.device}")
-    bad = ~torch.isfinite(values).all(dim=1)
-    if bad.any():
-        first = int(bad.nonzero()[0])
-        n = [round(float(c[first]), 4) for c in points.n]
-        raise MethodError(
-            f"{method.name}.shade: {int(bad.sum())} points are not finite, the first where the normal is {n}"
-        )
-    return values.detach()

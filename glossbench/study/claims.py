@@ -13,11 +13,6 @@ COLUMNS = ("n_samples", "shade_seconds", "state_bytes", "stage_seconds")
 PLACES = ("light", "material", "view")
 
 
-def is_cost(column: str) -> bool:
-    """Whether a column that a claim may be about is a cost, of all stages or of one; else it is a metric."""
-    return column.partition(".")[0] in (*COLUMNS, "update_seconds")
-
-
 def _tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 

@@ -27,6 +27,7 @@ from glossbench.prefilter import (
     Vec3,
     View,
     dot,
+    filtered_samples,
     irradiance,
     luminance_distribution,
     normalize,
@@ -208,9 +209,7 @@ def _isotropic(
     hidden: Occluder | Tensor | None = None,
 ) -> Tensor:
     """Sum over samples of one lobe; level = log4(K / N) and the bias."""
-    wi, pdf, weight = lobe.sample(points.wo_local(), samples)
-    d = to_world(wi, points.t, points.b, points.n)
-    lod = level + 0.5 * (pyramid.log2_texels_per_sr(d) - torch.log2(pdf))
+    wi, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
     return weighted_radiance(pyramid, d, lod, _attenuated(weight, points, d, wi, hidden))
 
 

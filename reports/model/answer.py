@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
+from glossbench.findings.columns import Column
 from glossbench.findings.verdicts import cells_of
-from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 from glossbench.study.claims import KINDS
 from glossbench.study.labels import budget_of
@@ -65,7 +65,7 @@ def _answers(group: Group, metric: str, keys: Collection[str] | None) -> list[An
         alike = [cell for cell in shown if n is None or budget_of(cell.row) in (None, n)]
         names = dict.fromkeys(cell.row["budget"] for cell in alike if budget_of(cell.row) is not None)
         text = f"{n:g} {' or '.join(names)}" if n is not None else ""
-        found.append(Answer(group, best_cells(alike, metric), text))
+        found.append(Answer(group, best_cells(alike, group.columns[metric]), text))
     return found
 
 
@@ -81,11 +81,11 @@ def claimed(results: Results) -> Iterator[Claimed]:
             yield known.text, cells_of(known, results.cells)
 
 
-def best_cells(cells: Sequence[Cell], metric: str) -> list[Cell]:
+def best_cells(cells: Sequence[Cell], metric: Column) -> list[Cell]:
     """At most `MOST_TILES`: the best cell of each method; of a single method from the best to the worst."""
-    sign = 1 if metric not in METRICS.names() or METRICS.get(metric).lower_is_better else -1
+    sign = 1 if metric.lower_is_better else -1
     methods: dict[str, list[Cell]] = {}
-    for cell in sorted(cells, key=lambda cell: sign * abs(cell.row[metric])):
+    for cell in sorted(cells, key=lambda cell: sign * abs(cell.row[metric.name])):
         methods.setdefault(cell.row["method"], []).append(cell)
     if len(methods) == 1:
         only = next(iter(methods.values()))

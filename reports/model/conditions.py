@@ -1,11 +1,11 @@
 """The cells of a study as a report shows them: grouped by what they share, named by what tells them apart."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any
 
-from glossbench.metrics import METRICS
+from glossbench.findings.columns import Column
 from glossbench.study.labels import KINDS, identity, listed, names_of, told_apart
 
 
@@ -46,6 +46,7 @@ class Group:
         reference: values of the reference's columns; empty where no cell was done.
         best: keys of the best cells by metric.
         names: of light, material and view, as in the title.
+        columns: of the metrics, by name.
     """
 
     title: str
@@ -54,6 +55,7 @@ class Group:
     reference: Mapping[str, Any]
     best: Mapping[str, frozenset[str]]
     names: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, Column] = field(default_factory=dict)
 
     @property
     def done(self) -> list[Cell]:
@@ -61,10 +63,11 @@ class Group:
         return [cell for cell in self.cells if cell.done]
 
 
-def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Group]:
+def grouped(rows: Sequence[dict[str, Any]], metrics: Iterable[Column]) -> list[Group]:
     """Cells by light, material and view, in the order of the study."""
     cells = _cells(rows)
     names = {kind: names_of(kind, rows) for kind in KINDS}
+    columns = {column.name: column for column in metrics}
     order = {kind: {key: i for i, key in enumerate(own)} for kind, own in names.items()}
 
     def place(cell: Cell) -> tuple[int, ...]:
@@ -76,8 +79,8 @@ def grouped(rows: Sequence[dict[str, Any]], metrics: Sequence[str]) -> list[Grou
         first = next((cell.row for cell in group if cell.done), {})
         named = {kind: names[kind][identity(kind, group[0].row)] for kind in KINDS}
         options = {kind: group[0].row[f"{kind}_options"] for kind in KINDS}
-        best = {metric: _best(metric, [cell.row for cell in group if cell.done]) for metric in metrics}
-        found.append(Group(", ".join(named.values()), options, group, first, best, named))
+        best = {metric: _best(column, [cell.row for cell in group if cell.done]) for metric, column in columns.items()}
+        found.append(Group(", ".join(named.values()), options, group, first, best, named, columns))
     return found
 
 
@@ -104,12 +107,11 @@ def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
     return cells
 
 
-def _best(metric: str, rows: Sequence[Mapping[str, Any]]) -> frozenset[str]:
+def _best(metric: Column, rows: Sequence[Mapping[str, Any]]) -> frozenset[str]:
     """Keys of the cells with the best value; all that the reference cannot tell apart share the place."""
     floor = frozenset(row["key"] for row in rows if row["at_noise_floor"])
-    values = {row["key"]: abs(row[metric]) for row in rows if row[metric] is not None}
+    values = {row["key"]: abs(row[metric.name]) for row in rows if row[metric.name] is not None}
     if floor or not values:
         return floor
-    registered = METRICS.get(metric) if metric in METRICS.names() else None
-    ends = min if registered is None or registered.lower_is_better else max
+    ends = min if metric.lower_is_better else max
     return frozenset(key for key, value in values.items() if value == ends(values.values()))

@@ -1,18 +1,18 @@
-"""Methods in words: what the docstring of each that a study used says, with its equation and its source."""
+"""Methods and metrics in words: what the run that made the results knew of them, with equations and sources."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from glossbench.documentation import documentation
-from glossbench.findings.columns import Column
-from glossbench.metrics import METRICS
-from glossbench.shading.method import METHODS
+from glossbench.findings.descriptions import Descriptions
 
 from .notation import Run, runs
 
+ABSENT = "Of a plug-in that is not installed here."
+INSTALLED = "The results do not say what the run knew of its methods: these are the words of what is installed here."
 
-class Description(NamedTuple):
+
+class MethodText(NamedTuple):
     """A method as a report tells of it.
 
     Attributes:
@@ -29,37 +29,36 @@ class Description(NamedTuple):
 
 
 class Definition(NamedTuple):
-    """What a metric is: its unit, and the formula of its number in plain text."""
+    """What a metric is: its unit, and the formula of its number in plain text, "" where that is not known."""
 
     name: str
     unit: str
     formula: str
 
 
-def defined(names: Sequence[str], columns: Mapping[str, Column]) -> list[Definition]:
-    """The metrics of these names; of one whose plug-in is not installed here, the unit that the run wrote down."""
-    return [
-        Definition(name, columns[name].unit, METRICS.get(name).formula if name in METRICS.names() else "")
-        for name in names
-    ]
+def defined(names: Sequence[str], known: Descriptions) -> list[Definition]:
+    """The metrics of these columns."""
+    found = []
+    for name in names:
+        of = known.of("metric", name) or known.of("metric", name.partition(" ")[0])
+        found.append(Definition(name, of.unit.replace("1", "") if of else "", of.formula if of else ""))
+    return found
 
 
-def described(names: Sequence[str]) -> list[Description]:
-    """The methods of these names, in this order; one whose plug-in is not installed here says so."""
-    return [_described(name) for name in dict.fromkeys(names)]
+def described(names: Sequence[str], known: Descriptions) -> list[MethodText]:
+    """The methods of these names, in this order; one that is not known says so."""
+    return [_described(name, known) for name in dict.fromkeys(names)]
 
 
-def _described(name: str) -> Description:
-    if name not in METHODS.names():
-        return Description(name, "", [runs("Of a plug-in that is not installed here.")], "")
-    cls = METHODS.get(name)
-    equation = str(getattr(cls, "equation", ""))
-    paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", documentation(cls))]
+def _described(name: str, known: Descriptions) -> MethodText:
+    found = known.of("method", name)
+    if found is None:
+        return MethodText(name, "", [runs(ABSENT)], "")
+    paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", found.text)]
     text = [part for part in paragraphs if not part.startswith(("Attributes:", "Args:", "Source:"))]
-    source = next((part.removeprefix("Source:").strip() for part in paragraphs if part.startswith("Source:")), "")
-    if equation and text:
+    if found.equation and text:
         text[0] = _after_formulas(text[0])
-    return Description(name, equation, [runs(part) for part in text if part], source)
+    return MethodText(name, found.equation, [runs(part) for part in text if part], found.source)
 
 
 def _after_formulas(text: str) -> str:

@@ -10,7 +10,6 @@ from scipy.special import stdtrit
 
 from glossbench.columns import COLUMNS
 from glossbench.findings.estimates import Estimate, estimate_of
-from glossbench.metrics import METRICS
 
 from .axes import Label, Place
 from .conditions import Cell, Group
@@ -74,15 +73,13 @@ class Measured:
 
 
 def axis_of(place: Place, metric: str) -> Axis:
-    """How a metric is plotted: signed ones by their size; one of a plug-in that is not installed as an error."""
-    if metric not in METRICS.names():
-        return Axis(metric, metric)
-    cls = METRICS.get(metric)
-    unit = "" if cls.unit == "1" else f" [{cls.unit}]"
-    label = f"|{metric}|{unit}" if cls.signed else f"{metric}{unit}"
+    """How a metric is plotted: signed ones by their size."""
+    column = place.groups[0].columns[metric]
+    unit = f" [{column.unit}]" if column.unit else ""
+    label = f"|{column.title}|{unit}" if column.signed else f"{column.title}{unit}"
     rows = [cell.row for group in place.groups for cell in group.done if cell.row["at_noise_floor"]]
     floor = max((abs(row[metric]) for row in rows if row.get(metric) is not None), default=0.0)
-    return Axis(label, metric, floor, is_log=cls.lower_is_better)
+    return Axis(label, metric, floor, is_log=column.lower_is_better)
 
 
 def measured_at(place: Place, metric: str, estimate: Callable[[Row, str], Estimate] = estimate_of) -> list[Measured]:

@@ -1,13 +1,14 @@
 """The report of a study: all that page, print and single figures show, computed once from what a run left on disk."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 from glossbench.columns import parsed
-from glossbench.findings.citations import Citation, cited_by
-from glossbench.findings.columns import Column, columns_of
+from glossbench.findings.citations import Citation, cited_in_sources
+from glossbench.findings.columns import Column, column_of_metric, columns_of
+from glossbench.findings.descriptions import Descriptions, describe
 from glossbench.findings.estimates import Estimate, estimate_of
 from glossbench.findings.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
@@ -60,11 +61,21 @@ class Report:
         study, cells = results.study, results.cells
         rows = [parsed(row) for row in cells.to_dict("records")]
         metrics = [name for name in dict.fromkeys(study.get("metrics") or ()) if name in cells.columns]
-        measured = list(dict.fromkeys([*metrics, *(name for name in METRICS.names() if name in cells.columns)]))
+        columns = columns_of(study.get("metrics") or ()) | results.columns
+        others = [name for name in METRICS.names() if name in cells.columns]
+        measured = list(dict.fromkeys([*metrics, *others]))
+        columns |= {name: column_of_metric(name) for name in measured if name not in columns}
         return cls(
             results, study, results.claims, results.provenance, results.remarks(cells), rows, metrics, measured,
-            columns_of(measured) | results.columns, grouped(rows, measured),
+            columns, grouped(rows, [columns[name] for name in measured]),
         )  # fmt: skip
+
+    @cached_property
+    def descriptions(self) -> Descriptions:
+        """What the run knew of all that it names, and what is installed here of metrics that it measured beside."""
+        known = self.results.descriptions
+        others = [name for name in self.measured if known.of("metric", name) is None and name in METRICS.names()]
+        return replace(known, described=(*known.described, *(describe("metric", METRICS.get(name)) for name in others)))
 
     @cached_property
     def done(self) -> list[Group]:
@@ -125,7 +136,10 @@ class Report:
     def citations(self) -> list[Citation]:
         """The literature behind all that the study is made of."""
         used = [(kind, name) for kind in KINDS for name in self.seen(kind)]
-        return cited_by([*used, *(("metric", name) for name in self.metrics)], str(self.study.get("source") or ""))
+        used += [("metric", name) for name in self.metrics]
+        known = [(name, self.descriptions.of(kind, name)) for kind, name in used]
+        sources = [(name, found.source) for name, found in known if found]
+        return cited_in_sources(sources, str(self.study.get("source") or ""), self.descriptions.references)
 
     @cached_property
     def verdict_words(self) -> dict[str, str]:
@@ -135,7 +149,7 @@ class Report:
     @cached_property
     def table_words(self) -> dict[str, str]:
         """What words of tables mean."""
-        return explain_table(self.rows)
+        return explain_table(self.rows, descriptions=self.descriptions)
 
     @cached_property
     def time_notes(self) -> list[str]:

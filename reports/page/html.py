@@ -18,7 +18,7 @@ from .. import style
 from ..model.answer import drawn
 from ..model.cell_table import cell_table, costs_of, counts_of, errors_of, stage_table
 from ..model.conditions import Group
-from ..model.descriptions import defined, described
+from ..model.descriptions import INSTALLED, MethodText, defined, described
 from ..model.facts import provenance, without_image
 from ..model.notation import runs
 from ..model.report import Report
@@ -56,7 +56,7 @@ def write_report(folder: Path) -> Path:
             study=report.study,
             study_yaml=yaml.safe_dump(report.study, sort_keys=False, allow_unicode=True),
             metrics=report.measured,
-            definitions=defined(report.measured, report.columns),
+            definitions=defined(report.measured, report.descriptions),
             provenance=provenance(report),
             cells=cell_table(report, quantities, most),
             stages=stage_table(report, most),
@@ -71,7 +71,8 @@ def write_report(folder: Path) -> Path:
             n_patterns=MANY_PATTERNS,
             states=state_tiles(results, report.groups),
             csv=csv_link(_named(results.cells)),
-            methods=_methods(report.seen("method")),
+            methods=_methods(described(report.seen("method"), report.descriptions)),
+            installed_note=INSTALLED,
             white=WHITE,
             share=100 - CLIPPED_SHARE,
         )
@@ -132,7 +133,7 @@ def _sheets(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
     ]
 
 
-def _methods(names: Sequence[str]) -> list[dict[str, Any]]:
+def _methods(methods: Sequence[MethodText]) -> list[dict[str, Any]]:
     """Methods in words, with their equation as the source of an <img>, where it is one."""
     with Press() as press:
 
@@ -140,6 +141,5 @@ def _methods(names: Sequence[str]) -> list[dict[str, Any]]:
             return svg_uri(press.equation(equation)) if equation and press.is_equation(equation) else ""
 
         return [
-            method._asdict() | {"image": image(method.equation), "source": runs(method.source)}
-            for method in described(names)
+            method._asdict() | {"image": image(method.equation), "source": runs(method.source)} for method in methods
         ]

@@ -140,7 +140,7 @@ def caption(cell: Cell) -> list[str]:
     count = f"{row['n_samples']} {'sample' if row['n_samples'] == 1 else 'samples'}"
     if row["at_noise_floor"]:
         return [str(row["method"]), cell.options, count, "at the noise floor"]
-    flip = [f"FLIP {style.number(row['flip'])}"] if row.get("flip") is not None and "flip" in METRICS.names() else []
+    flip = [f"FLIP {style.number(row['flip'])}"] if row.get("flip") is not None else []
     return [str(row["method"]), cell.options, count, f"RMS {style.number(row['rms'])}", *flip]
 
 
@@ -150,4 +150,4 @@ def best_few(group: Group, metric: str | None) -> list[Cell]:
     if len(cells) <= MOST_TILES:
         return cells
     known = [cell for cell in cells if metric and cell.row.get(metric) is not None]
-    return best_cells(known, metric or "") or cells[:MOST_TILES]
+    return best_cells(known, group.columns[metric]) if metric and known else cells[:MOST_TILES]

@@ -14,7 +14,7 @@ from glossbench.run.results import Results
 from glossbench.study.labels import listed
 
 from ..model.axes import FEWEST, SAMPLES, Place, Sweep, with_costs
-from ..model.descriptions import defined, described
+from ..model.descriptions import INSTALLED, MethodText, defined, described
 from ..model.facts import Missing, headline, provenance, without_image
 from ..model.lines import COSTS
 from ..model.notation import runs
@@ -63,9 +63,10 @@ def write_report(folder: Path) -> Path:
             "more_plots": more_plots,
             "equal": _equal(report),
             "images": images,
-            "methods": _methods(report.seen("method"), press),
+            "methods": _methods(described(report.seen("method"), report.descriptions), press),
+            "installed_note": "" if report.descriptions.is_of_run else INSTALLED,
             "metrics": [each._asdict() | {"formula": runs(each.formula or PLUG_IN)}
-                        for each in defined(metrics, report.columns)],
+                        for each in defined(metrics, report.descriptions)],
             "references": printed_references(report),
             "without_image": _without_image(missing),
             "n_without_image": len(missing),
@@ -175,9 +176,9 @@ def _bibliography(report: Report, press: Press) -> str | None:
     return press.add("\n".join(c.bibtex for c in report.citations).encode(), "bib") if report.citations else None
 
 
-def _methods(names: Sequence[str], press: Press) -> list[dict[str, Any]]:
+def _methods(methods: Sequence[MethodText], press: Press) -> list[dict[str, Any]]:
     """Methods in words; an equation that cannot be set is printed as it was written."""
-    return [each._asdict() | {"is_set": press.is_equation(each.equation)} for each in described(names)]
+    return [each._asdict() | {"is_set": press.is_equation(each.equation)} for each in methods]
 
 
 def _words(said: Mapping[str, str]) -> list[dict[str, str]]:

@@ -21,7 +21,8 @@ from glossbench.methods.filtered_importance_sampling import FilteredImportanceSa
 from glossbench.methods.importance_sampling import ImportanceSampling
 from glossbench.methods.regular_sampling import RegularSampling
 from glossbench.scene.sphere import Sphere
-from glossbench.shading.method import StageCache, shade
+from glossbench.shading.image import shade
+from glossbench.shading.stage_cache import StageCache
 from glossbench.study.schema import schema
 from glossbench.study.study import load_study
 from glossbench.truth.reference import compute_reference

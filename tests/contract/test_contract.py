@@ -39,7 +39,8 @@ from glossbench.directions import Vec3, cross, dot, normalize, spherical, stack
 from glossbench.envmap.cubemap import CubeMap, texel_directions
 from glossbench.envmap.lights.synthetic import Gradient
 from glossbench.errors import InputError
-from glossbench.shading.method import METHODS, Contract, Method, shade, stage
+from glossbench.shading.image import shade
+from glossbench.shading.method import METHODS, Contract, Method, stage
 
 Sound = METHODS.get("importance_sampling")
 OWN = [name for name in METHODS.names() if METHODS.get(name).__module__.startswith("glossbench.methods.")]

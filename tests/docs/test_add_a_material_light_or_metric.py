@@ -13,7 +13,7 @@ import glossbench as gb
 from glossbench.brdf.material import MATERIALS
 from glossbench.envmap.lights.light import LIGHTS
 from glossbench.metrics import METRICS
-from glossbench.shading.method import Image
+from glossbench.shading.image import Image
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "add-a-material-light-or-metric.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)

@@ -4,8 +4,9 @@ import re
 
 import pytest
 
-from glossbench.findings.citations import REGISTRIES, cited_by, cited_in, references, source_of
+from glossbench.findings.citations import cited_by, cited_in, references, source_of
 from glossbench.shading.method import METHODS, Method
+from glossbench.study.registries import REGISTRIES
 
 
 def sources():

@@ -15,7 +15,7 @@ from glossbench.methods.ambient_occlusion.openness import openness
 from glossbench.scene.mesh import make_mesh
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading.method import shade
+from glossbench.shading.image import shade
 
 SEEDS = 40
 N_POINTS = 12

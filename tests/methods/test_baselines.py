@@ -16,7 +16,8 @@ from glossbench.methods import environment_sampling
 from glossbench.methods.environment_sampling import EnvironmentSampling
 from glossbench.methods.importance_sampling import ImportanceSampling
 from glossbench.scene.sphere import Sphere
-from glossbench.shading.method import StageCache, shade
+from glossbench.shading.image import shade
+from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import compute_reference
 
 VIEW = Sphere(resolution=6)

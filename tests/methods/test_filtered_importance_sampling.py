@@ -17,7 +17,8 @@ from glossbench.errors import InputError
 from glossbench.methods.filtered_importance_sampling import FilteredImportanceSampling
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import Sphere
-from glossbench.shading.method import StageCache, shade
+from glossbench.shading.image import shade
+from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import compute_reference
 
 RESOLUTION = 64

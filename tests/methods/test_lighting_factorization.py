@@ -17,7 +17,8 @@ from glossbench.methods.lighting_factorization.fixed_point import fixed_point
 from glossbench.prefilter.lighting_function import LightingSamples
 from glossbench.run.measuring import measure
 from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
-from glossbench.shading.method import StageCache, dependencies, stages_of
+from glossbench.shading.method import dependencies, stages_of
+from glossbench.shading.stage_cache import StageCache
 
 SMALL = {"virtual_edge": 4, "light_edge": 8, "edge": 8, "first_edge": 4, "tolerance": 1e-6}
 

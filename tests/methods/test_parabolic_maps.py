@@ -19,7 +19,7 @@ from glossbench.prefilter.cosine_lobes.calibration import calibrate
 from glossbench.prefilter.cosine_lobes.lobe_sum import fit_lobe_sum
 from glossbench.prefilter.cosine_lobes.pyramid import FIVE_TAPS, LOBE_FILTERS, build_partial_maps
 from glossbench.prefilter.median_cut import _described, median_cut, whole
-from glossbench.shading.method import shade
+from glossbench.shading.image import shade
 
 ROOM = 1e9
 VIEW = gb.view("sphere", resolution=24)

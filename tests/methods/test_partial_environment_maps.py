@@ -18,7 +18,7 @@ from glossbench.prefilter.cosine_lobes.lobe_sum import fit_lobe_sum, no_lobe_sum
 from glossbench.prefilter.cosine_lobes.pyramid import FIVE_TAPS, LOBE_FILTERS, build_partial_maps, cube_bytes
 from glossbench.prefilter.median_cut import median_cut, whole
 from glossbench.scene.points import ShadingPoints
-from glossbench.shading.method import shade
+from glossbench.shading.image import shade
 
 ROOM = 1e9
 VIEW = gb.view("sphere", resolution=24)

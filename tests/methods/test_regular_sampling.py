@@ -15,7 +15,8 @@ from glossbench.errors import InputError
 from glossbench.methods.regular_sampling import RegularSampling, lobe_area, sample_pattern
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import Sphere
-from glossbench.shading.method import StageCache, shade
+from glossbench.shading.image import shade
+from glossbench.shading.stage_cache import StageCache
 
 # m_x, m_y, xi, n_circles, spacing -> samples: figures 4, 8 (top, bottom), 9 and 10 of the paper.
 COUNTS = [

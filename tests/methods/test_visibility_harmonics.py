@@ -16,7 +16,7 @@ from glossbench.methods.filtered_importance_sampling.visibility_harmonics import
 from glossbench.scene.mesh import make_mesh
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.shading import kernels as fusion
-from glossbench.shading.method import shade
+from glossbench.shading.image import shade
 from glossbench.truth.reference import compute_reference
 
 

@@ -13,7 +13,9 @@ from glossbench.directions import Vec3
 from glossbench.envmap.lights.synthetic import Constant, Spots
 from glossbench.prefilter import diffuse
 from glossbench.shading import kernels, visibility
-from glossbench.shading.method import METHODS, StageCache, shade
+from glossbench.shading.image import shade
+from glossbench.shading.method import METHODS
+from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import compute_reference
 
 LIGHTS = {"constant": Constant(radiance=(1.0, 2.0, 0.5), resolution=8), "spots": Spots(seed=7, resolution=32)}

@@ -8,7 +8,7 @@ from glossbench.methods.filtered_importance_sampling import FilteredImportanceSa
 from glossbench.methods.importance_sampling import ImportanceSampling
 from glossbench.methods.regular_sampling import RegularSampling
 from glossbench.scene.sphere import Sphere
-from glossbench.shading.method import shade
+from glossbench.shading.image import shade
 from glossbench.truth.reference import compute_reference
 
 METHODS = {

@@ -24,8 +24,9 @@ from glossbench.methods.filtered_importance_sampling import FilteredImportanceSa
 from glossbench.methods.importance_sampling import ImportanceSampling
 from glossbench.methods.regular_sampling import RegularSampling
 from glossbench.scene.sphere import Sphere
+from glossbench.shading.image import shade
 from glossbench.shading.kernels import can_fuse, over_points
-from glossbench.shading.method import StageCache, shade
+from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import compute_reference
 from oracles.chi_square import chi_square_p, integrate_cells
 from oracles.hemisphere import direction, random_hemisphere, vectors

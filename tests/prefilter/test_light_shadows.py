@@ -17,7 +17,7 @@ from glossbench.scene.mesh import make_mesh
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.scene.shapes import bowl
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading.method import shade
+from glossbench.shading.image import shade
 
 CENTRE, RADIUS = np.array([0.25, 0.5, -0.1]), 0.4
 TOWARD = np.array([[0.0, 1, 0], [0.3, 1, 0.1], [-0.2, 1, 0.5], [0.7, 1, -0.6]])

@@ -414,6 +414,7 @@ def test_a_killed_reference_goes_on_to_the_same_bytes(n_saves, tmp_path, monkeyp
     assert len(rounds) == 3 * 16 - n_saves
     assert (resumed.radiance == whole.radiance).all()
     assert (resumed.standard_error == whole.standard_error).all()
+    assert (resumed.deviates == whole.deviates).all()
     assert resumed.n_samples == whole.n_samples
     assert list(tmp_path.iterdir()) == []
 

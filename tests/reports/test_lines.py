@@ -6,6 +6,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
+from glossbench.findings.columns import column_of_metric
 from glossbench.reports.model.axes import Label, places_of, sweeps_of, with_costs
 from glossbench.reports.model.conditions import grouped
 from glossbench.reports.model.equal import error_at_time, time_at_error
@@ -30,7 +31,7 @@ def line(name, index, ms, errors, at_floor=None):
 
 
 def places(given, over="samples"):
-    groups = grouped(given, ["rms"])
+    groups = grouped(given, [column_of_metric("rms")])
     return places_of(groups, sweeps_of(groups)[over])
 
 
@@ -352,13 +353,15 @@ def test_options_with_numbers_are_swept_and_the_others_tell_lines():
 def test_numbers_that_cells_differ_in_alone_are_swept(options, expected):
     given = swept([({}, each, 0.1) for each in options])
 
-    assert {name: sweep.n_values for name, sweep in sweeps_of(grouped(given, ["rms"])).items()} == expected
+    assert {
+        name: sweep.n_values for name, sweep in sweeps_of(grouped(given, [column_of_metric("rms")])).items()
+    } == expected
 
 
 def test_what_is_tuned_is_not_swept():
     given = swept([({"tuned": {"bias": bias}}, {"bias": bias}, 0.1) for bias in (0.1, 0.2, 0.3)])
 
-    assert list(sweeps_of(grouped(given, ["rms"]))) == ["samples"]
+    assert list(sweeps_of(grouped(given, [column_of_metric("rms")]))) == ["samples"]
 
 
 @pytest.mark.parametrize(
@@ -375,7 +378,7 @@ def test_first_is_what_claims_ask_for_then_samples_then_the_most_values(sizes, c
     grid = [dict(zip(sizes, values, strict=True)) for values in np.ndindex(*sizes.values())]
     given = swept([({}, {key: int(value) + 1 for key, value in each.items()}, 0.1) for each in grid])
 
-    assert next(iter(sweeps_of(grouped(given, ["rms"]), claims))) == first
+    assert next(iter(sweeps_of(grouped(given, [column_of_metric("rms")]), claims))) == first
 
 
 @pytest.mark.parametrize(
@@ -387,7 +390,7 @@ def test_first_is_what_claims_ask_for_then_samples_then_the_most_values(sizes, c
     ],
 )
 def test_errors_are_against_costs_along_budgets_under_one_condition(cells, expected):
-    assert [sweep.name for sweep in with_costs(sweeps_of(grouped(swept(cells), ["rms"])))] == expected
+    assert [sweep.name for sweep in with_costs(sweeps_of(grouped(swept(cells), [column_of_metric("rms")])))] == expected
 
 
 def test_no_slope_is_fitted_where_x_is_not_positive():

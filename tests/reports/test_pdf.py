@@ -12,6 +12,7 @@ import yaml
 from PIL import Image
 
 from glossbench.errors import InputError
+from glossbench.findings.descriptions import describe_study
 from glossbench.reports import raster, style, typesetting
 from glossbench.reports.figures import profile
 from glossbench.reports.model import crops
@@ -27,6 +28,7 @@ from glossbench.shading.method import METHODS as REGISTERED
 from oracles.discs import CLAIMS, METHODS, SCRIPT, N, read_exr, three_materials, write_results
 from oracles.pdf_pages import pages_of, text_of
 
+INSTALLED = describe_study({"methods": REGISTERED.names()})
 SOURCE_CODE = '#panic("x") #read("/etc/hostname") $x$ *b* @label'
 
 
@@ -204,18 +206,18 @@ def test_results_without_a_single_image_make_a_report(tmp_path):
 def test_every_registered_method_has_an_equation_that_can_be_set():
     with typesetting.Press() as press:
         for name in REGISTERED.names():
-            equation = described([name])[0].equation
+            equation = described([name], INSTALLED)[0].equation
             assert equation, name
             assert press.is_equation(equation), name
         assert not press.is_equation("sum_(i=1 undefined_name")
 
 
 def test_a_method_is_told_by_what_follows_its_formula():
-    told = {each.name: "".join(run.text for run in each.text[0]) for each in described(REGISTERED.names())}
+    told = {each.name: "".join(run.text for run in each.text[0]) for each in described(REGISTERED.names(), INSTALLED)}
 
     assert told["environment_sampling"].startswith("with ω drawn in proportion to luminance")
     assert told["filtered_importance_sampling"].startswith("ω is drawn by the BRDF's own sampler")
-    assert described(["of_a_plug_in"])[0].text[0][0].text == "Of a plug-in that is not installed here."
+    assert described(["of_a_plug_in"], INSTALLED)[0].text[0][0].text == "Of a plug-in that is not installed here."
 
 
 @pytest.mark.parametrize(

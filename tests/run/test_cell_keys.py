@@ -99,6 +99,7 @@ NEW = {
     "metrics/pixelwise.py": EVERY,
     "metrics/perceptual.py": set(),
     "shading/method.py": EVERY,
+    "shading/image.py": EVERY,
     "truth/reference.py": EVERY,
     "run/tuning.py": EVERY,
     "commands/printing.py": set(),

@@ -9,6 +9,7 @@ import pytest
 
 from glossbench.atomic import replacing
 from glossbench.errors import CannotWrite, InputError
+from glossbench.run.manifest import KEPT, SUMMARY
 from glossbench.run.results import AGAIN, Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.strict_json import numbers, sealed, unsealed
@@ -122,7 +123,7 @@ def test_damaged_numbers_are_made_again(made, folder, pattern, harm):
     assert remains(folder) == expected
 
 
-@pytest.mark.parametrize("name", ["cells.parquet", "claims.json", "provenance.json", "study.yaml", "glossbench.json"])
+@pytest.mark.parametrize("name", [*SUMMARY, *KEPT, "glossbench.json"])
 @pytest.mark.parametrize("harm", [halved, Path.unlink])
 def test_a_damaged_summary_is_read_from_the_cells_and_written_again(made, folder, name, harm):
     study, _, expected = made
@@ -138,6 +139,29 @@ def test_a_damaged_summary_is_read_from_the_cells_and_written_again(made, folder
     assert said_by(study, folder) == []
     assert remains(folder) == expected
     assert Results.open(folder).remarks(cells) == []
+
+
+def test_results_keep_the_columns_and_descriptions_of_their_run(folder, monkeypatch):
+    expected = Results(folder).columns, Results(folder).descriptions
+    monkeypatch.setattr("glossbench.metrics.pixelwise.RMS.unit", "candela")
+    monkeypatch.setattr("glossbench.metrics.pixelwise.RMS.__doc__", "Another text.")
+
+    found = Results(folder)
+
+    assert (found.columns, found.descriptions) == expected
+    assert (found.columns["rms"].unit, found.descriptions.is_of_run) == ("radiance", True)
+
+
+@pytest.mark.parametrize("harm", [halved, Path.unlink])
+def test_results_without_their_columns_and_descriptions_have_those_of_what_is_installed(folder, monkeypatch, harm):
+    """Twin of the above."""
+    for name in KEPT:
+        harm(folder / name)
+    monkeypatch.setattr("glossbench.metrics.pixelwise.RMS.unit", "candela")
+
+    found = Results(folder)
+
+    assert (found.columns["rms"].unit, found.descriptions.is_of_run) == ("candela", False)
 
 
 def test_whole_results_are_not_made_again(made, folder):
@@ -204,10 +228,10 @@ def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_p
 def test_a_limit_on_the_size_of_files_is_one_line(tmp_path):
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (16384, before[1]))
     try:
         with pytest.raises(CannotWrite, match=r"r/references/\S+: cannot be written: .*[Ff]ile too large"):
-            run_study(study_in(tmp_path, view="{sphere: {resolution: 32}}"), tmp_path / "r")
+            run_study(study_in(tmp_path, view="{sphere: {resolution: 64}}"), tmp_path / "r")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 

@@ -14,7 +14,7 @@ import torch
 from glossbench import atomic
 from glossbench.errors import InputError
 from glossbench.run.results import Results, key_of, replacing
-from glossbench.shading.method import Image
+from glossbench.shading.image import Image
 from glossbench.truth.reference import Reference
 
 

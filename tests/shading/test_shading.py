@@ -13,7 +13,9 @@ from glossbench.envmap.cubemap import CubeMap, face_directions
 from glossbench.errors import InputError
 from glossbench.provenance import source_hash
 from glossbench.registry import Registry
-from glossbench.shading.method import StageCache, dependencies, shade, stages_of
+from glossbench.shading.image import shade
+from glossbench.shading.method import dependencies, stages_of
+from glossbench.shading.stage_cache import StageCache
 
 LIGHT = gb.light("gradient", resolution=16)
 MATERIAL = gb.material("kurt", m=0.3)

@@ -5,7 +5,8 @@ import torch
 
 from glossbench.envmap.lights.synthetic import Constant
 from glossbench.errors import MethodError
-from glossbench.shading.method import Method, prepare, stage
+from glossbench.shading.image import prepare
+from glossbench.shading.method import Method, stage
 from glossbench.shading.stage_cache import StageCache, option_of
 
 LIGHT = Constant(radiance=(1.0, 1.0, 1.0), resolution=2).cubemap()

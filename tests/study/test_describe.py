@@ -119,6 +119,17 @@ def test_a_claim_is_about_so_many_cells_or_pairs(write, claim, count):
     assert about(write, claim) == [count]
 
 
+@pytest.mark.parametrize(
+    ("points", "more", "n"),
+    [("random", "", 1), ("hammersley", "", 4), ("random", ", paired_by: seed", 2), ("random", ", where: {seed: 1}", 1)],
+)
+def test_several_seeds_of_random_points_are_one_pair(write, points, more, n):
+    of = f"samples: 4, points: {points}, seed: [1, 2]"
+    methods = f"[{{importance_sampling: {{{of}}}}}, {{environment_sampling: {{{of}}}}}]"
+
+    assert about(write, PAIR + more, methods=methods) == [Count(n, "pair")]
+
+
 def test_a_claim_whose_sides_never_meet_is_said_to_be_untestable(words):
     exclude = "[{method: importance_sampling, samples: 8}, {method: environment_sampling, samples: 4}]"
 

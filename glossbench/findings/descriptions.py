@@ -1,0 +1,110 @@
+"""What a run knew of its methods, materials, lights, views and metrics: `described.json` beside the cells.
+
+A report prints this text, not that of whatever version makes the report.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from inspect import cleandoc
+from typing import Any
+
+from glossbench.documentation import documentation
+from glossbench.errors import InputError
+from glossbench.findings.citations import cited_in, references, source_in
+from glossbench.options import Options
+from glossbench.study.registries import REGISTRIES
+
+KEYS = {"light": "light", "material": "material", "view": "view", "methods": "method", "metrics": "metric"}
+
+
+@dataclass(frozen=True)
+class Description:
+    """One method, material, light, view or metric in words.
+
+    Attributes:
+        text: its docstring, without indentation.
+        source: what the docstring says after "Source:".
+        options: by name what the docstring says of each, one sentence.
+        equation: of a method, in typst's notation; "" without one.
+        formula: of a metric.
+        map_formula: of a metric, for one pixel.
+        unit: of a metric; "1" without one.
+    """
+
+    kind: str
+    name: str
+    text: str = ""
+    source: str = ""
+    options: Mapping[str, str] = field(default_factory=dict)
+    equation: str = ""
+    formula: str = ""
+    map_formula: str = ""
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Descriptions:
+    """All that a study names, in words.
+
+    Attributes:
+        described: in the order of the study.
+        references: by key the BibTeX entries of the works that these and the study's own source cite.
+        is_of_run: whether the run wrote them; else they are those of what is installed here.
+    """
+
+    described: tuple[Description, ...]
+    references: Mapping[str, str]
+    is_of_run: bool = True
+
+    def of(self, kind: str, name: str) -> Description | None:
+        """The description of what a kind has under a name; None where it is not known."""
+        return next((each for each in self.described if (each.kind, each.name) == (kind, name)), None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `described.json` holds."""
+        return {"described": [asdict(each) for each in self.described], "references": dict(self.references)}
+
+    @classmethod
+    def of_dict(cls, stated: Any) -> "Descriptions":
+        """What `described.json` holds; InputError where it holds something else."""
+        known = {each.name for each in fields(Description)}
+        try:
+            own = [{key: value for key, value in each.items() if key in known} for each in stated["described"]]
+            return cls(tuple(Description(**each) for each in own), dict(stated["references"]))
+        except (TypeError, KeyError, AttributeError, ValueError):
+            raise InputError("described.json does not hold descriptions") from None
+
+
+def describe_study(study: Mapping[str, Any], is_of_run: bool = True) -> Descriptions:
+    """What is installed of all that a resolved study names."""
+    named = dict.fromkeys((kind, name) for key, kind in KEYS.items() for name in _names(study.get(key, ())))
+    found = tuple(
+        describe(kind, REGISTRIES[kind].get(name)) for kind, name in named if name in REGISTRIES[kind].names()
+    )
+    cited = {key for text in (*(each.source for each in found), str(study.get("source", ""))) for key in cited_in(text)}
+    return Descriptions(found, {key: text for key, text in references().items() if key in cited}, is_of_run)
+
+
+def describe(kind: str, cls: type[Options]) -> Description:
+    """A class in words."""
+    stated = {key: str(getattr(cls, key, "")) for key in ("equation", "formula", "map_formula", "unit")}
+    text = documentation(cls)
+    return Description(kind, cls.name, text, source_in(text), describe_options(cls), **stated)
+
+
+def describe_options(cls: type[Options]) -> dict[str, str]:
+    """By name the first sentence that a class's docstring says of each of its options, under "Attributes:"."""
+    described: dict[str, str] = {}
+    for part in re.split(r"\n\s*\n", cleandoc(cls.__doc__ or "")):
+        if not part.startswith("Attributes:"):
+            continue
+        for entry in re.split(r"\n {4}(?! )", part)[1:]:
+            names, colon, text = entry.partition(": ")
+            sentence = re.split(r"(?<=[^.])\.(?: |$)|; ", " ".join(text.split()))[0]
+            described |= {name.strip(): sentence for name in names.split(",") if colon}
+    return described
+
+
+def _names(items: Iterable[Any]) -> Iterable[str]:
+    return (item if isinstance(item, str) else next(iter(item)) for item in items)
