@@ -13,6 +13,7 @@ from glossbench.findings.estimates import Estimate, estimate_of
 from glossbench.findings.legends import explain_table, explain_verdicts
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
+from glossbench.study.registries import REGISTRIES
 
 from .answer import Answer, answer_of, claimed
 from .axes import SAMPLES, Place, Sweep, places_of, sweeps_of
@@ -72,10 +73,18 @@ class Report:
 
     @cached_property
     def descriptions(self) -> Descriptions:
-        """What the run knew of all that it names, and what is installed here of metrics that it measured beside."""
+        """What the run knew of all that its study names; of other things in the table, what is installed here."""
         known = self.results.descriptions
-        others = [name for name in self.measured if known.of("metric", name) is None and name in METRICS.names()]
-        return replace(known, described=(*known.described, *(describe("metric", METRICS.get(name)) for name in others)))
+        others = [(kind, name) for kind, name in self._used if known.of(kind, name) is None]
+        installed = [(kind, name) for kind, name in others if name in REGISTRIES[kind].names()]
+        more = (describe(kind, REGISTRIES[kind].get(name)) for kind, name in installed)
+        return replace(known, described=(*known.described, *more))
+
+    @cached_property
+    def _used(self) -> list[tuple[str, str]]:
+        """(kind, name) of all that the results are made of, methods first."""
+        used = [(kind, name) for kind in KINDS for name in self.seen(kind)]
+        return used + [("metric", name) for name in self.measured]
 
     @cached_property
     def done(self) -> list[Group]:
@@ -135,8 +144,7 @@ class Report:
     @cached_property
     def citations(self) -> list[Citation]:
         """The literature behind all that the study is made of."""
-        used = [(kind, name) for kind in KINDS for name in self.seen(kind)]
-        used += [("metric", name) for name in self.metrics]
+        used = [(kind, name) for kind, name in self._used if kind != "metric" or name in self.metrics]
         known = [(name, self.descriptions.of(kind, name)) for kind, name in used]
         sources = [(name, found.source) for name, found in known if found]
         return cited_in_sources(sources, str(self.study.get("source") or ""), self.descriptions.references)

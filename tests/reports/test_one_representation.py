@@ -1,6 +1,7 @@
 """What is declared once appears everywhere: a column of the results in each table, a figure in page, PDF and file."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,9 +10,11 @@ from markupsafe import Markup
 
 from glossbench.columns import Column
 from glossbench.findings.columns import columns_of, columns_to_json
+from glossbench.findings.descriptions import describe_study
 from glossbench.reports import style
 from glossbench.reports.figure import FIGURES, Figure
 from glossbench.reports.model.cell_table import cell_table, costs_of, counts_of, errors_of
+from glossbench.reports.model.descriptions import INSTALLED, described
 from glossbench.reports.model.options import AxisOption, MetricOption, PlaceOption
 from glossbench.reports.model.panels import Axis, Line, Panel, Panels
 from glossbench.reports.model.plots import over_axis
@@ -181,3 +184,30 @@ def test_without_groups_there_is_no_interval(report):
 
     assert {entry.note for row in table.parts[0].rows for entry in row.entries} == {""}
     assert all(line.interval is None for line in over_axis(place, "rms", report.lines(place, "rms")).lines)
+
+
+# What the run knew.
+
+
+def test_reports_print_the_words_of_the_run_and_not_of_what_is_installed(folder):
+    known = describe_study(Results(folder).study)
+    own = replace(known.of("method", "regular_sampling"), text="Drawn by lot.", source="Cook 1986.", equation="")
+    (folder / "described.json").write_text(json.dumps(replace(known, described=(own,)).as_dict()))
+    try:
+        report = Report.of(Results(folder))
+        (first, *_) = described([own.name], report.descriptions)
+    finally:
+        (folder / "described.json").unlink()
+
+    assert "".join(run.text for run in first.text[0]) == "Drawn by lot."
+    assert first.source == "Cook 1986."
+    assert report.descriptions.is_of_run
+
+
+def test_of_older_results_the_words_are_those_of_what_is_installed_and_it_is_said(folder, monkeypatch):
+    monkeypatch.setattr(style, "svg", lambda *_: "")
+    monkeypatch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
+
+    page = html.write_report(folder).read_text(encoding="utf-8")
+
+    assert INSTALLED in page
