@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test test-fast check format bench clean
+.PHONY: help demo test test-fast check format bench reference clean
 
 help:  ## Show this list.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -34,6 +34,9 @@ format: $(INSTALLED)  ## Mend format and lint.
 
 bench: $(INSTALLED)  ## Measure this machine.
 	$(BIN)/glossbench bench
+
+reference: $(INSTALLED)  ## Write docs/reference from the registries.
+	$(BIN)/python -m glossbench info --write docs/reference
 
 clean:  ## Remove the environment and all results.
 	rm -rf $(VENV) results build *.egg-info

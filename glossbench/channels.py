@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 import torch
-from torch import Tensor
 
-Channels = tuple[Tensor, ...]
+from glossbench.shapes import Radiance, Scalar, Values
+
+Channels = tuple[Values, ...]
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear Rec. 709
 LARGEST = 1e30  # float32 ends at 3.4e38: a sum over 10^8 pixels of this stays below
 
@@ -34,13 +35,13 @@ def channels_unless_black(color: tuple[float, ...], device: str) -> Channels:
     return channels(color, device) if any(color) else ()
 
 
-def scalar(value: float, device: str) -> Tensor:
+def scalar(value: float, device: str) -> Scalar:
     """A number as a float32 tensor."""
     return torch.tensor(value, dtype=torch.float32, device=device)
 
 
-def merge_channels(sums: Sequence[Tensor]) -> Tensor:
-    """RGB (P, 3) of light that was summed with a weight of several channels, once for each channel of the weight.
+def merge_channels(sums: Sequence[Radiance]) -> Radiance:
+    """RGB of light that was summed with a weight of several channels, once for each channel of the weight.
 
     Column c of sum c; the sum itself where the weight is grey.
     """

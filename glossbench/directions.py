@@ -9,6 +9,7 @@ from math import pi
 from typing import Literal, NamedTuple
 
 import torch
+from jaxtyping import Float, Float32
 from torch import Tensor
 
 PointSet = Literal["hammersley", "random", "r2"]
@@ -21,14 +22,26 @@ class Vec3(NamedTuple):
     y: Tensor
     z: Tensor
 
+    @property
+    def shape(self) -> torch.Size:
+        """The shape of all components, broadcast."""
+        if self.x.shape == self.y.shape == self.z.shape:
+            return self.x.shape
+        return torch.Size(torch.broadcast_shapes(*(c.shape for c in self)))
 
-def vec3(v: Tensor) -> Vec3:
-    """Components of a tensor (..., 3)."""
+    @property
+    def dtype(self) -> torch.dtype:
+        """The type of the components' numbers."""
+        return self.x.dtype
+
+
+def vec3(v: Float[Tensor, "*batch 3"]) -> Vec3:
+    """Components of a tensor."""
     return Vec3(v[..., 0], v[..., 1], v[..., 2])
 
 
-def stack(v: Vec3) -> Tensor:
-    """The tensor (..., 3) of the broadcast components."""
+def stack(v: Float[Vec3, "*batch"]) -> Float[Tensor, "*batch 3"]:
+    """The tensor of the broadcast components."""
     return torch.stack(torch.broadcast_tensors(*v), dim=-1)
 
 
@@ -58,7 +71,12 @@ def half_vector(wo: Vec3, wi: Vec3) -> Vec3:
 
 
 def reflect(wo: Vec3, h: Vec3) -> Vec3:
-    """2 (wo . h) h - wo: the mirror direction of wo at the facet h."""
+    """2 (wo . h) h - wo: the mirror direction of wo at the facet h.
+
+    >>> up, wo = vec3(torch.tensor([0.0, 0.0, 1.0])), vec3(torch.tensor([0.6, 0.0, 0.8]))
+    >>> stack(reflect(wo, up)).round(decimals=4)
+    tensor([-0.6000,  0.0000,  0.8000])
+    """
     c = 2 * dot(wo, h)
     return Vec3(c * h.x - wo.x, c * h.y - wo.y, c * h.z - wo.z)
 
@@ -83,12 +101,18 @@ def spherical(theta: Tensor, phi: Tensor) -> Vec3:
     return Vec3(sin * torch.cos(phi), sin * torch.sin(phi), torch.cos(theta))
 
 
-def points_2d(n: int, kind: PointSet = "hammersley", seed: int = 0) -> Tensor:
-    """n points (n, 2) of the open unit square, float32.
+def points_2d(n: int, kind: PointSet = "hammersley", seed: int = 0) -> Float32[Tensor, "{n} 2"]:
+    """n points of the open unit square.
 
     hammersley: ((i + 1/2) / n, van der Corput of i in base 2, plus 1 / (2 n)). r2: the additive recurrence of the
     plastic number (Roberts 2018), shifted by 1/2. random: independent uniform numbers, seeded by seed and n. Only
     random depends on the seed.
+
+    >>> points_2d(4)
+    tensor([[0.1250, 0.1250],
+            [0.3750, 0.6250],
+            [0.6250, 0.3750],
+            [0.8750, 0.8750]])
     """
     if kind == "random":
         u = torch.rand(n, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(seed * 2**21 + n))
@@ -103,7 +127,7 @@ def points_2d(n: int, kind: PointSet = "hammersley", seed: int = 0) -> Tensor:
     return u.float().clamp(2.0**-24, 1 - 2.0**-24)
 
 
-def _van_der_corput(n: int) -> Tensor:
+def _van_der_corput(n: int) -> Float[Tensor, "{n}"]:
     i = torch.arange(n)
     value = torch.zeros(n, dtype=torch.float64)
     for bit in range(max(n - 1, 1).bit_length()):
@@ -111,7 +135,7 @@ def _van_der_corput(n: int) -> Tensor:
     return value
 
 
-def cosine_hemisphere(u: Tensor) -> Vec3:
-    """Directions (n,) about +z with density cos / pi, from points (n, 2)."""
+def cosine_hemisphere(u: Float[Tensor, "n 2"]) -> Float[Vec3, "n"]:
+    """Directions about +z with density cos / pi, from points of the unit square."""
     r, phi = torch.sqrt(u[:, 0]), 2 * pi * u[:, 1]
     return Vec3(r * torch.cos(phi), r * torch.sin(phi), torch.sqrt(1 - u[:, 0]))

@@ -13,6 +13,7 @@ from glossbench.prefilter import (
     Method,
     Occluder,
     PointSet,
+    Radiance,
     Reflectance,
     Seed,
     ShadingPoints,
@@ -75,7 +76,9 @@ class EnvironmentSampling(Method):
         radiance = lookup(finest(light), d)
         return DirectionalLights(Vec3(*(c[None] for c in d)), radiance / (pdf * self.samples)[:, None])
 
-    def shade(self, points: ShadingPoints, material: Material, lights: DirectionalLights, scene: Any = None) -> Tensor:
+    def shade(
+        self, points: ShadingPoints, material: Material, lights: DirectionalLights, scene: Any = None
+    ) -> Radiance:
         """Radiance (P, 3)."""
         occluder = occluder_of(scene) if self.visibility == "rays" else None
         return over_points(_kernel, points, self.samples, material.reflectance(points.device), lights, occluder)
@@ -83,7 +86,7 @@ class EnvironmentSampling(Method):
 
 def _kernel(
     points: ShadingPoints, reflectance: Reflectance, lights: DirectionalLights, occluder: Occluder | None = None
-) -> Tensor:
+) -> Radiance:
     """Sum over lights."""
     wi = to_local(lights.direction, points.t, points.b, points.n)
     weight = tuple(channel * wi.z for channel in reflectance.f(points.wo_local(), wi))

@@ -15,6 +15,7 @@ from glossbench.prefilter import (
     Method,
     Occluder,
     PointSet,
+    Radiance,
     Seed,
     ShadingPoints,
     finest,
@@ -73,7 +74,7 @@ class ImportanceSampling(Method):
 
     def shade(
         self, points: ShadingPoints, material: Material, texels: Environment, irradiance: Tensor, scene: Any = None
-    ) -> Tensor:
+    ) -> Radiance:
         """Radiance (P, 3)."""
         reflectance = material.as_lobes(points.device)
         occluder = occluder_of(scene) if self.visibility == "rays" else None
@@ -85,7 +86,9 @@ class ImportanceSampling(Method):
         return radiance
 
 
-def _kernel(points: ShadingPoints, lobe: Lobe, samples: Any, texels: Environment, occluder: Occluder | None) -> Tensor:
+def _kernel(
+    points: ShadingPoints, lobe: Lobe, samples: Any, texels: Environment, occluder: Occluder | None
+) -> Radiance:
     """Sum over samples of one lobe."""
     wi, _, weight = lobe.sample(points.wo_local(), samples)
     d = to_world(wi, points.t, points.b, points.n)

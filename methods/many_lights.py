@@ -12,6 +12,7 @@ from glossbench.prefilter import (
     Material,
     Method,
     Partition,
+    Radiance,
     Reflectance,
     ShadingPoints,
     Shadows,
@@ -71,7 +72,7 @@ class ManyLights(Method):
         """The regions."""
         return median_cut(light, self.regions)
 
-    def shade(self, points: ShadingPoints, material: Material, partition: Partition, shadows: Shadows) -> Tensor:
+    def shade(self, points: ShadingPoints, material: Material, partition: Partition, shadows: Shadows) -> Radiance:
         """Radiance (P, 3)."""
         direction = Vec3(*(c[None] for c in partition.direction))
         reflectance = material.reflectance(points.device)
@@ -80,7 +81,7 @@ class ManyLights(Method):
 
 def _kernel(
     points: ShadingPoints, reflectance: Reflectance, direction: Vec3, power: Tensor, shadows: Shadows
-) -> Tensor:
+) -> Radiance:
     """Sum over lights."""
     wi = to_local(direction, points.t, points.b, points.n)
     weight = wi.z * shadows.visible(points)

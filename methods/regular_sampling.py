@@ -18,6 +18,7 @@ from glossbench.prefilter import (
     MipFilter,
     Occluder,
     Pyramid,
+    Radiance,
     ShadingPoints,
     Vec3,
     dot,
@@ -153,7 +154,7 @@ class RegularSampling(Method):
         pyramid: Pyramid,
         irradiance: Tensor,
         scene: Any = None,
-    ) -> Tensor:
+    ) -> Radiance:
         """Radiance (P, 3)."""
         reflectance = material.as_lobes(points.device)
         bias = torch.tensor(self.mip_bias, device=points.device)
@@ -175,7 +176,7 @@ def _on(pattern: Pattern, device: str) -> Pattern:
 
 def _kernel(
     points: ShadingPoints, lobe: Lobe, pattern: Pattern, pyramid: Pyramid, bias: Tensor, occluder: Occluder | None
-) -> Tensor:
+) -> Radiance:
     """Sum over the pattern of one lobe."""
     wo, h = points.wo_local(), pattern.h
     viewer = lobe.viewer(wo)

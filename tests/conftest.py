@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+import shape_checks
 
 pytest.register_assert_rewrite("oracles")  # before any of it is imported
 
@@ -12,6 +13,7 @@ from oracles.browser import Browser, find  # noqa: E402
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: torch, not yet imported, takes no more than its own
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+shape_checks.install()
 
 
 SLOW = {line for line in (Path(__file__).parent / "slow.txt").read_text().split("\n") if line and line[0] != "#"}
@@ -37,10 +39,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="module", autouse=True)
 def _registries_as_they_were():
     """What a module's tests register is gone when the next module's begin."""
-    from glossbench.commands.info import registries  # late, as it imports torch
+    from glossbench.study.registries import REGISTRIES  # late, as it imports torch
 
     with ExitStack() as stack:
-        for registry in registries().values():
+        for registry in REGISTRIES.values():
             stack.enter_context(registry.isolated())
         yield
 
@@ -55,6 +57,27 @@ def _nothing_waits():
         for module in (image, stage_cache):
             patch.setattr(module, "timed", lambda work, device, patience: timed(work, device, 0))
         patch.setattr(os, "fsync", lambda opened: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _what_is_compiled_is_not_checked():
+    """The compiler sees functions as they are: it cannot look through the checks of their shapes."""
+    import torch  # late, as the environment is set first
+
+    compiled = torch.compile
+
+    def without_checks(kernel, **options):
+        run = compiled(kernel, **options)
+
+        def unchecked(*arguments):
+            with shape_checks.off():
+                return run(*arguments)
+
+        return unchecked
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(torch, "compile", without_checks)
         yield
 
 

@@ -195,3 +195,44 @@ def test_a_check_that_another_function_makes_counts():
     source = "def check(x):\n    assert x\n\ndef outer(x):\n    check(x)\n\ndef test_a():\n    outer(1)"
 
     assert without_assertion({Path("test_a.py"): source}) == []
+
+
+# The fast tier.
+
+
+LISTED = [line for line in (TESTS / "slow.txt").read_text().splitlines() if line and line[0] != "#"]
+EVERY_TEST = {
+    f"{path.as_posix()}::{function.name}"
+    for path, source in SOURCES.items()
+    for function in functions(source)
+    if function.name.startswith("test_")
+}
+
+
+def unknown(listed: list[str]) -> list[str]:
+    """Lines that name neither a file of tests nor a test."""
+    return sorted(set(listed) - EVERY_TEST - {name.partition("::")[0] for name in EVERY_TEST})
+
+
+def test_what_is_left_out_of_the_fast_tier_exists():
+    assert unknown(LISTED) == []
+
+
+def test_a_line_that_names_no_test_is_noticed():
+    gone = ["envmap/test_gone.py", "test_tests.py::test_gone"]
+
+    assert unknown([*gone, "test_tests.py", "test_tests.py::test_no_file_imports_a_test"]) == gone
+
+
+def rooms_left_out(listed: list[str]) -> set[str]:
+    """Folders of tests that have none in the fast tier."""
+    fast = {name for name in EVERY_TEST if name not in listed and name.partition("::")[0] not in listed}
+    return {str(Path(name).parent) for name in EVERY_TEST} - {str(Path(name).parent) for name in fast}
+
+
+def test_the_fast_tier_has_tests_of_every_room():
+    assert rooms_left_out(LISTED) == set()
+
+
+def test_a_room_that_is_left_out_is_noticed():
+    assert rooms_left_out([name for name in EVERY_TEST if name.startswith("truth/")]) == {"truth"}

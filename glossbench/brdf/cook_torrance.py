@@ -10,8 +10,8 @@ from torch import Tensor
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.microfacet import Beckmann
 from glossbench.channels import channels, channels_unless_black, scalar
-from glossbench.directions import Vec3
 from glossbench.options import Color, Widths
+from glossbench.shapes import Directions, Values
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Grooves(Beckmann):
 
     factor: Tensor
 
-    def V(self, wo: Vec3, wi: Vec3, h: Vec3, c: Tensor) -> Tensor:
+    def V(self, wo: Directions, wi: Directions, h: Directions, c: Values) -> Values:
         """factor G / (cos_i cos_o); where G < 1 the smaller cosine cancels."""
         lit = 1 / (wi.z * wo.z).clamp(min=1e-12)
         return self.factor * torch.minimum(lit, 2 * h.z / (c * torch.maximum(wi.z, wo.z)))

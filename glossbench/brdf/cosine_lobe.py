@@ -5,12 +5,13 @@ from math import pi, sqrt
 from typing import Annotated, NamedTuple
 
 import torch
+from jaxtyping import Float
 from pydantic import Field
-from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe, Sample
-from glossbench.channels import Channels, channels, scalar
+from glossbench.channels import channels, scalar
 from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
+from glossbench.shapes import Directions, PairDirections, PairValues, Scalar, UnitSquare, Values
 
 Exponent = Annotated[float, Field(ge=0, le=1e5)]  # of a cosine
 MIRROR = (-1.0, -1.0, 1.0)  # the diagonal that makes the mirror direction of wo
@@ -19,8 +20,8 @@ MIRROR = (-1.0, -1.0, 1.0)  # the diagonal that makes the mirror direction of wo
 class CosinePoints(NamedTuple):
     """Directions about +z (1, N) with density (s + 1) / (2 pi) cos^s, and that density (1, N)."""
 
-    direction: Vec3
-    pdf: Tensor
+    direction: Directions
+    pdf: Values
 
 
 @dataclass(frozen=True)
@@ -38,10 +39,10 @@ class CosineLobe(Lobe):
     Source: Lafortune et al. 1997 eq. 4 for f; Lafortune and Willems 1994 for the density.
     """
 
-    C: Vec3
-    s: Tensor
+    C: Float[Vec3, ""]
+    s: Scalar
 
-    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, Tensor]:
+    def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
         """`f` and `pdf`, which share (wi . a)^s."""
         a = self._axis(wo)
         # 1 - cos is half the squared chord: of a cosine near 1 float32 has no digits left for a large s.
@@ -52,7 +53,7 @@ class CosineLobe(Lobe):
         value = (self.s + 2) / (2 * pi) * self._shrinkage(wo) * power
         return tuple(ks * value for ks in self.ks), (self.s + 1) / (2 * pi) * power
 
-    def sample_points(self, u: Tensor) -> CosinePoints:
+    def sample_points(self, u: UnitSquare) -> CosinePoints:
         """cos = u1^(1 / (s + 1)), phi = 2 pi u2."""
         exponent, phi = torch.log(u[:, 0]) / (self.s + 1), 2 * pi * u[:, 1]
         away = -torch.expm1(exponent)  # 1 - cos, with all its digits
@@ -60,25 +61,25 @@ class CosineLobe(Lobe):
         direction = Vec3(*(c[None] for c in (sin * torch.cos(phi), sin * torch.sin(phi), 1 - away)))
         return CosinePoints(direction, ((self.s + 1) / (2 * pi) * torch.exp(self.s * exponent))[None])
 
-    def sample(self, wo: Vec3, points: CosinePoints) -> Sample:
+    def sample(self, wo: Directions, points: CosinePoints) -> Sample:
         """The points about a. (wi . a)^s cancels: f cos_i / pdf = ks (s + 2) / (s + 1) |C wo|^s cos_i."""
         wi = self.to_surface(wo, points.direction)
         weight = (self.s + 2) / (self.s + 1) * self._shrinkage(wo) * wi.z.clamp(min=0)
         return Sample(wi, points.pdf, tuple(ks * weight for ks in self.ks))
 
-    def viewer(self, wo: Vec3) -> Vec3:
+    def viewer(self, wo: PairDirections) -> PairDirections:
         """Along the axis: the lobe looks the same from wherever it is seen."""
         zero = torch.zeros_like(wo.z)
         return Vec3(zero, zero, zero + 1)
 
-    def to_surface(self, wo: Vec3, d: Vec3) -> Vec3:
+    def to_surface(self, wo: Directions, d: Directions) -> Directions:
         """The frame's z becomes the axis: half a turn about the vector halfway between them."""
         return reflect(d, half_vector(self.viewer(wo), self._axis(wo)))
 
-    def _axis(self, wo: Vec3) -> Vec3:
+    def _axis(self, wo: PairDirections) -> PairDirections:
         return normalize(Vec3(self.C.x * wo.x, self.C.y * wo.y, self.C.z * wo.z))
 
-    def _shrinkage(self, wo: Vec3) -> Tensor:
+    def _shrinkage(self, wo: PairDirections) -> PairValues:
         """|C wo|^s"""
         # From 1 - |C wo|^2, which is exact for a mirror: a large s would amplify the rounding of |C wo|.
         lost = (1 - self.C.x**2) * wo.x**2 + (1 - self.C.y**2) * wo.y**2 + (1 - self.C.z**2) * wo.z**2

@@ -13,6 +13,7 @@ from glossbench.brdf.microfacet import Microfacet
 from glossbench.channels import channels, channels_unless_black, scalar
 from glossbench.directions import Vec3, dot, normalize, reflect
 from glossbench.options import Color, Widths
+from glossbench.shapes import Directions, PairDirections, PairValues, UnitSquare, Values
 
 
 class DiskPoints(NamedTuple):
@@ -32,24 +33,24 @@ class TrowbridgeReitz(Microfacet):
     Source: D, Walter et al. 2007 eq. 33; G2, Heitz 2014 eq. 99; sampling, Heitz 2018 (JCGT 7(4)) listing 1.
     """
 
-    def q(self, slope2: Tensor) -> Tensor:
+    def q(self, slope2: PairValues) -> PairValues:
         """1 / (1 + slope2)^2"""
         return (1 + slope2) ** -2
 
-    def slope_at(self, q: Tensor) -> Tensor:
+    def slope_at(self, q: PairValues) -> PairValues:
         """sqrt(1 / sqrt(q) - 1)"""
         return torch.sqrt(torch.rsqrt(q) - 1)
 
-    def V(self, wo: Vec3, wi: Vec3, h: Vec3, c: Tensor) -> Tensor:
+    def V(self, wo: Directions, wi: Directions, h: Directions, c: Values) -> Values:
         """G2 / (4 cos_i cos_o)"""
         return 1 / ((1 + self._lambda(wo) + self._lambda(wi)) * 4 * wo.z * wi.z)
 
-    def sample_points(self, u: Tensor) -> DiskPoints:
+    def sample_points(self, u: UnitSquare) -> DiskPoints:
         """Uniform points of the disk."""
         r, psi = torch.sqrt(u[:, 0]), 2 * pi * u[:, 1]
         return DiskPoints((r * torch.cos(psi))[None], (r * torch.sin(psi))[None])
 
-    def sample(self, wo: Vec3, points: DiskPoints) -> Sample:
+    def sample(self, wo: Directions, points: DiskPoints) -> Sample:
         """Mirror directions at visible normals; f cos_i / pdf = F G2 / G1(wo)."""
         a_x, a_y = self.widths
         v = normalize(Vec3(a_x * wo.x, a_y * wo.y, wo.z))
@@ -72,11 +73,11 @@ class TrowbridgeReitz(Microfacet):
         weight = torch.where(visible, g1 / (g1 + self._lambda(wi)), 0.0)
         return Sample(wi, self.D(h) * self.pdf_over_D(wo, h, c), tuple(F * weight for F in self.F(c)))
 
-    def pdf_over_D(self, wo: Vec3, h: Vec3, c: Tensor) -> Tensor:
+    def pdf_over_D(self, wo: Directions, h: Directions, c: Values) -> Values:
         """G1(wo) / (4 cos_o): the density of visible normals, D G1 c / cos_o, over 4 c."""
         return 1 / ((1 + self._lambda(wo)) * 4 * wo.z.clamp(min=1e-6))
 
-    def _lambda(self, v: Vec3) -> Tensor:
+    def _lambda(self, v: PairDirections) -> PairValues:
         x, y = self.widths[0] * v.x, self.widths[1] * v.y
         return (torch.sqrt(1 + (x * x + y * y) / (v.z * v.z).clamp(min=1e-12)) - 1) / 2
 

@@ -10,9 +10,10 @@ from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe, Sample
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
-from glossbench.channels import Channels, channels, channels_unless_black, scalar
+from glossbench.channels import channels, channels_unless_black, scalar
 from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
 from glossbench.options import Color, Widths
+from glossbench.shapes import Directions, PairValues, Scalar, UnitSquare, Values
 
 
 class LumpPoints(NamedTuple):
@@ -37,11 +38,11 @@ class Lump(Lobe):
         reciprocal: the smaller of f(wo, wi) and f(wi, wo) instead.
     """
 
-    radii: tuple[Tensor, Tensor]
-    exponent: Tensor
+    radii: tuple[Scalar, Scalar]
+    exponent: Scalar
     reciprocal: bool
 
-    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, Tensor]:
+    def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
         """`f` and `pdf`, which are the same but for cos_i and ks."""
         h = half_vector(wo, wi)
         c = dot(wo, h)
@@ -53,14 +54,14 @@ class Lump(Lobe):
             value = torch.where(above, torch.minimum(value, back), 0.0)
         return tuple(ks * value for ks in self.ks), pdf
 
-    def sample_points(self, u: Tensor) -> LumpPoints:
+    def sample_points(self, u: UnitSquare) -> LumpPoints:
         """1 - r^2 = u1^(1 / (exponent + 1)), at angle 2 pi u2."""
         power = torch.log(u[:, 0]) / (self.exponent + 1)
         r, psi = torch.sqrt(-torch.expm1(power)), 2 * pi * u[:, 1]
         density = torch.exp(self.exponent * power) * (self.exponent + 1) / pi
         return LumpPoints((r * torch.cos(psi))[None], (r * torch.sin(psi))[None], density[None])
 
-    def sample(self, wo: Vec3, points: LumpPoints) -> Sample:
+    def sample(self, wo: Directions, points: LumpPoints) -> Sample:
         """Mirror directions at the half vectors of the lump; the weight is ks, or less where reciprocal."""
         z = wo.z.clamp(min=1e-6)
         r_x, r_y = self._radii(wo)
@@ -76,7 +77,7 @@ class Lump(Lobe):
             weight = torch.where(visible, share.clamp(max=1), 0.0)
         return Sample(wi, pdf, tuple(ks * weight for ks in self.ks))
 
-    def _density(self, wo: Vec3, h: Vec3, c: Tensor) -> Tensor:
+    def _density(self, wo: Directions, h: Directions, c: Values) -> Values:
         """lump(d) cos_o^2 / (4 c cos_h^3) [1/sr]"""
         r_x, r_y = self._radii(wo)
         z = wo.z.clamp(min=1e-6)
@@ -85,7 +86,7 @@ class Lump(Lobe):
         lump = torch.exp2(self.exponent * torch.log2(rest.clamp(min=1e-12))) * (self.exponent + 1) / (pi * r_x * r_y)
         return torch.where(rest > 0, lump * z * z / (4 * c * h.z**3), 0.0)
 
-    def _radii(self, wo: Vec3) -> tuple[Tensor, Tensor]:
+    def _radii(self, wo: Directions) -> tuple[Values, Values]:
         """k r_x and k r_y: shortened where the lump would leave the disk."""
         z = wo.z.clamp(min=1e-6)
         # 1 - sin_o, without the digits that the difference loses at a grazing view.

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from math import pi
 
 import torch
-from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe
 from glossbench.catalog.naming import kind_in_catalog
 from glossbench.channels import Channels, add
-from glossbench.directions import Vec3
 from glossbench.options import Options
 from glossbench.registry import Registry
+from glossbench.shapes import Albedo, Directions, PairValues, PointDirections, Scalar
 
 MAX_LOBES = 16  # of a material: as many kernels as the reference has
 
@@ -25,7 +24,7 @@ class Reflectance:
         lobes: the glossy lobes, strongest first or in the author's order.
     """
 
-    diffuse: Channels
+    diffuse: tuple[Scalar, ...]
     lobes: tuple[Lobe, ...]
 
     def share(self, samples: int) -> list[int]:
@@ -47,7 +46,7 @@ class Reflectance:
         """The diffuse part of f above the surface, albedo / pi [1/sr] a channel."""
         return tuple(d / pi for d in self.diffuse)
 
-    def f(self, wo: Vec3, wi: Vec3) -> Channels:
+    def f(self, wo: Directions, wi: Directions) -> tuple[PairValues, ...]:
         """BRDF value [1/sr] a channel, the cosine not included; zero when a direction is below the surface."""
         above = (wo.z > 0) & (wi.z > 0)
         total: Channels = tuple(torch.where(above, f, 0.0) for f in self.diffuse_f())
@@ -67,12 +66,12 @@ class Material(Options):
         """What methods that draw samples take: the material itself, but for a measured one, which is fitted."""
         return self.reflectance(device)
 
-    def f(self, wo: Vec3, wi: Vec3) -> Channels:
+    def f(self, wo: Directions, wi: Directions) -> tuple[PairValues, ...]:
         """BRDF value [1/sr] a channel, the cosine not included; zero when a direction is below the surface."""
         return self.reflectance().f(wo, wi)
 
-    def albedo(self, wo: Vec3, n_samples: int = 4096) -> Tensor:
-        """Directional albedo: integral of f(wo, wi) cos_i dwi, RGB (P, 3), float64, for directions (P,).
+    def albedo(self, wo: PointDirections, n_samples: int = 4096) -> Albedo:
+        """Directional albedo: integral of f(wo, wi) cos_i dwi, RGB.
 
         Each lobe is summed by its own sampler at Hammersley points, the diffuse part is exact.
         """

@@ -5,11 +5,11 @@ from math import pi
 from typing import NamedTuple
 
 import torch
-from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe, Sample
 from glossbench.channels import Channels, widen
 from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
+from glossbench.shapes import Directions, PairValues, Scalar, UnitSquare, Values
 
 
 @dataclass(frozen=True)
@@ -20,17 +20,17 @@ class Microfacet(Lobe):
         f0: reflectance at normal incidence, a channel.
     """
 
-    f0: Channels
+    f0: tuple[Scalar, ...]
 
-    def V(self, wo: Vec3, wi: Vec3, h: Vec3, c: Tensor) -> Tensor:
+    def V(self, wo: Directions, wi: Directions, h: Directions, c: Values) -> Values:
         """f over ks F D: shadowing and the change of measure."""
         raise NotImplementedError
 
-    def pdf_over_D(self, wo: Vec3, h: Vec3, c: Tensor) -> Tensor:
+    def pdf_over_D(self, wo: Directions, h: Directions, c: Values) -> Values:
         """Density [1/sr] of `sample` at the reflection of wo at h, over D(h)."""
         raise NotImplementedError
 
-    def F(self, c: Tensor) -> Channels:
+    def F(self, c: PairValues) -> tuple[PairValues, ...]:
         """ks (f0 + (1 - f0) (1 - c)^5), the lobe's factor included."""
         m = 1 - c
         m2 = m * m
@@ -39,7 +39,7 @@ class Microfacet(Lobe):
         pairs = zip(widen(self.f0, n), widen(self.ks, n), strict=True)
         return tuple(ks * (f0 + (1 - f0) * schlick) for f0, ks in pairs)
 
-    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, Tensor]:
+    def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
         """`f` and `pdf`, which share the half vector and D."""
         h = half_vector(wo, wi)
         c = dot(wo, h)
@@ -50,7 +50,7 @@ class Microfacet(Lobe):
         pdf = torch.where(above, D * self.pdf_over_D(wo, h, c), 0.0)
         return tuple(F * value for F in self.F(c)), pdf
 
-    def f_over_D(self, wo: Vec3, wi: Vec3, h: Vec3, c: Tensor) -> Channels:
+    def f_over_D(self, wo: Directions, wi: Directions, h: Directions, c: Values) -> Channels:
         """ks F V"""
         value = self.V(wo, wi, h, c)
         return tuple(F * value for F in self.F(c))
@@ -59,8 +59,8 @@ class Microfacet(Lobe):
 class HalfVectors(NamedTuple):
     """Half vectors (1, N) and their density over 4, D(h) cos_h / 4 (1, N)."""
 
-    h: Vec3
-    quarter_pdf: Tensor
+    h: Directions
+    quarter_pdf: Values
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Beckmann(Microfacet):
     Source: Beckmann and Spizzichino 1963; anisotropic as Kurt et al. 2010; Luksch et al. 2014 eq. 4 to 7 and 10.
     """
 
-    def sample_points(self, u: Tensor) -> HalfVectors:
+    def sample_points(self, u: UnitSquare) -> HalfVectors:
         """Half vectors with density D cos_h.
 
         With r = sqrt(-log u1) the slopes are h_x / h_z = m_x r cos(2 pi u2) and h_y / h_z = m_y r sin(2 pi u2):
@@ -83,7 +83,7 @@ class Beckmann(Microfacet):
         h = normalize(Vec3(x[None], y[None], torch.ones_like(x)[None]))
         return HalfVectors(h, self.D(h) * h.z / 4)
 
-    def sample(self, wo: Vec3, points: HalfVectors) -> Sample:
+    def sample(self, wo: Directions, points: HalfVectors) -> Sample:
         """Mirror directions at the half vectors. D cancels: f cos_i / pdf = ks F V 4 c cos_i / cos_h."""
         h = points.h
         c = dot(wo, h)
@@ -93,6 +93,6 @@ class Beckmann(Microfacet):
         weight = torch.where(visible, self.V(wo, wi, h, c) * 4 * c * wi.z / h.z, 0.0)
         return Sample(wi, points.quarter_pdf / c, tuple(F * weight for F in self.F(c)))
 
-    def pdf_over_D(self, wo: Vec3, h: Vec3, c: Tensor) -> Tensor:
+    def pdf_over_D(self, wo: Directions, h: Directions, c: Values) -> Values:
         """cos_h / (4 c), eq. 10 over eq. 4."""
         return h.z / (4 * c)

@@ -2,14 +2,12 @@
 
 from dataclasses import dataclass
 
-import torch
-
 from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe, CosinePoints, Exponent, cosine_lobe
 from glossbench.brdf.lobe import Sample
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
-from glossbench.channels import Channels, channels_unless_black
-from glossbench.directions import Vec3
+from glossbench.channels import channels_unless_black
 from glossbench.options import Color
+from glossbench.shapes import Directions, PairValues
 
 
 @dataclass(frozen=True)
@@ -19,13 +17,13 @@ class UnforeshortenedLobe(CosineLobe):
     f has no bound towards a grazing light, f cos_i has. Not reciprocal. What falls below the surface counts nothing.
     """
 
-    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, torch.Tensor]:
+    def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
         """`f` and `pdf`, which share cos^s."""
         pdf = super().f_and_pdf(wo, wi)[1]
         value = pdf / wi.z.clamp(min=1e-6)
         return tuple(ks * value for ks in self.ks), pdf
 
-    def sample(self, wo: Vec3, points: CosinePoints) -> Sample:
+    def sample(self, wo: Directions, points: CosinePoints) -> Sample:
         """The points about the mirror direction: f cos_i / pdf = ks."""
         wi, pdf, _ = super().sample(wo, points)
         above = (wi.z > 0).float()

@@ -16,6 +16,7 @@ from glossbench.commands import completion, data
 from glossbench.commands.arguments import StudyArgument
 from glossbench.commands.consoles import one_line, open_streams
 from glossbench.commands.figure import figure
+from glossbench.commands.findings import findings
 from glossbench.commands.info import info
 from glossbench.commands.light import light as describe_light
 from glossbench.commands.printing import err, out, print_rows, say, say_lines
@@ -125,6 +126,7 @@ def schema() -> None:
 
 app.command()(info)
 app.command()(figure)
+app.command()(findings)
 app.command(name="light")(describe_light)
 app.add_typer(data.app, name="data")
 

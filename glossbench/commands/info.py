@@ -25,9 +25,17 @@ def info(
             help="Of a method, material, light, view, metric, study or public file.", autocompletion=everything
         ),
     ] = None,
+    write: Annotated[Path | None, typer.Option(help="Write all of it as Markdown pages into this folder.")] = None,
 ) -> None:
     """List what has a name, or describe it: what it computes, its options with bounds and defaults, its source."""
-    kinds = registries()
+    from glossbench.study.registries import REGISTRIES as kinds  # late, as it imports torch
+
+    if write is not None:
+        from glossbench.commands.reference_pages import write_pages  # late: only this option needs it
+
+        for path in write_pages(write, kinds):
+            say(str(path))
+        return
     studies, files = study_files(), {entry.name: entry for entry in entries()}
     if name is None:
         for kind, registry in kinds.items():
@@ -45,17 +53,6 @@ def info(
         _describe_study(name, studies[name])
     if name in files:
         _describe_file(files[name])
-
-
-def registries() -> dict[str, Any]:
-    """The registry of each kind of thing."""
-    from glossbench.brdf.material import MATERIALS
-    from glossbench.envmap.lights.light import LIGHTS
-    from glossbench.metrics import METRICS
-    from glossbench.scene.points import VIEWS
-    from glossbench.shading.method import METHODS
-
-    return {"method": METHODS, "material": MATERIALS, "light": LIGHTS, "view": VIEWS, "metric": METRICS}
 
 
 def _names(kind: str, names: list[str]) -> None:

@@ -25,7 +25,7 @@ from glossbench.commands.printing import (
     warn_of_noise,
     warn_of_times,
 )
-from glossbench.errors import InputError
+from glossbench.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from glossbench.study.study import Study
@@ -44,7 +44,7 @@ def run(
     ] = None,
     method: Annotated[
         list[str] | None,
-        typer.Option("-f", "--method", help="Only this method; repeatable.", autocompletion=completion.methods),
+        typer.Option("-m", "--method", help="Only this method; repeatable.", autocompletion=completion.methods),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="In place of the study's seed.")] = None,
     no_cache: Annotated[bool, typer.Option("--no-cache", help="Compute every cell and reference anew.")] = False,
@@ -96,7 +96,7 @@ def run(
     except KeyboardInterrupt:
         err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
         raise typer.Exit(130) from None
-    print_table(results.cells, list(loaded.metrics))
+    print_table(results.cells, loaded.metric_columns)
     warn_of_noise(results.cells)
     warn_of_times(results.cells)
     print_notes(results.cells)
@@ -114,17 +114,21 @@ def run(
 
 def report(
     results: Annotated[Path, typer.Argument(help="A folder that a run made.", autocompletion=completion.results)],
-    html: Annotated[bool, typer.Option("--html", help="Only the page.")] = False,
-    pdf: Annotated[bool, typer.Option("--pdf", help="Only the PDF.")] = False,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Of the reports, such as html and pdf; all.", autocompletion=completion.reports),
+    ] = None,
 ) -> None:
     """Write the reports of results again."""
     from glossbench.run.results import Results
 
     opened = Results.open(results)
-    only = {name for name, wanted in (("html", html), ("pdf", pdf)) if wanted}
+    for name in names or ():
+        if name not in (known := _report_writers()):
+            raise InputError(f"no report is called {name!r}{nearest(name, known)}")
     for remark in opened.remarks(opened.cells):
         note(remark)
-    if not _write_reports(opened.folder, only):
+    if not _write_reports(opened.folder, names or ()):
         raise typer.Exit(1)
 
 

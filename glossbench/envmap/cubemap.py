@@ -21,10 +21,12 @@ from typing import Self
 from uuid import uuid4
 
 import torch
+from jaxtyping import Float64, Int
 from torch import Tensor
 
 from glossbench.directions import Vec3, normalize, stack
 from glossbench.errors import InputError
+from glossbench.shapes import Directions, Faces, Irradiance, PointDirections, Values
 
 _TEXELS = 2**20  # at a time
 _NORMALS = torch.tensor([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]).float()
@@ -44,7 +46,7 @@ class CubeMap:
         key: what the light is, as text: a hash of the file or the options that made it; unique where nothing is given.
     """
 
-    faces: Tensor
+    faces: Faces
     key: str = field(default_factory=lambda: f"unnamed {uuid4().hex}")
 
     def __post_init__(self) -> None:
@@ -66,16 +68,16 @@ class CubeMap:
         """The same light on another device."""
         return type(self)(self.faces.to(device), self.key)
 
-    def mean(self) -> Tensor:
-        """Mean radiance over the sphere, RGB (3,), float64."""
+    def mean(self) -> Float64[Tensor, "3"]:
+        """Mean radiance over the sphere."""
         weight = texel_solid_angles(self.resolution).to(self.faces.device)[:, :, None]
         # A face at a time, for the memory.
         return torch.stack([(face.double() * weight).sum((0, 1)) for face in self.faces]).sum(0) / (4 * pi)
 
-    def irradiance(self, n: Vec3) -> Tensor:
-        """E(n) = integral of L cos over the hemisphere about each n, summed over all texels; (P, 3), float64.
+    def irradiance(self, n: PointDirections) -> Irradiance:
+        """E(n) = integral of L cos over the hemisphere about each n, summed over all texels.
 
-        The midpoint rule over texels, each with its exact solid angle; n are P directions.
+        The midpoint rule over texels, each with its exact solid angle.
         """
         solid_angle = texel_solid_angles(self.resolution).to(self.faces.device)
         normals = stack(n).reshape(-1, 3)
@@ -117,7 +119,7 @@ def face_directions(s: Tensor, t: Tensor) -> Vec3:
     return Vec3(v.x.float(), v.y.float(), v.z.float())
 
 
-def face_coordinates(d: Vec3) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def face_coordinates(d: Directions) -> tuple[Int[Tensor, "*#pairs"], Values, Values, Values]:
     """Where a direction meets the cube [-1, 1]^3: (face int32, s, t in [-1, 1], major).
 
     major = max(|x|, |y|, |z|); for a unit direction the cube is hit at distance 1 / major.
@@ -136,8 +138,8 @@ def face_coordinates(d: Vec3) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     return face, s * inverse, t * inverse, major
 
 
-def texel_solid_angles(resolution: int) -> Tensor:
-    """Exact solid angle of each texel of a face, (R, R), float64, in sr; six faces sum to 4 pi.
+def texel_solid_angles(resolution: int) -> Float64[Tensor, "{resolution} {resolution}"]:
+    """Exact solid angle of each texel of a face, in sr; six faces sum to 4 pi.
 
     A rectangle from the face's centre to the corner (s, t) subtends atan2(s t, sqrt(s^2 + t^2 + 1)); a texel is the
     alternating sum over its four corners.

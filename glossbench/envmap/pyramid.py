@@ -9,12 +9,14 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import torch
+from jaxtyping import Float, Int, Int32
 from torch import Tensor
 from torch.nn.functional import embedding_bag
 
 from glossbench.channels import Channels, merge_channels
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates
+from glossbench.shapes import Directions, Faces, PointDirections, Radiance, Texels, Values
 
 MipFilter = Literal["box", "gauss4", "gauss6"]
 
@@ -26,7 +28,7 @@ FILTERS: dict[str, tuple[float, ...]] = {
 }
 
 
-Taps = tuple[tuple[Tensor, ...], tuple[Tensor, ...]]  # rows of a table of texels, and their weights
+Taps = tuple[tuple[Int[Tensor, "*#pairs"], ...], tuple[Values, ...]]  # rows of a table of texels, and their weights
 Border = Callable[[Tensor, int], Tensor]  # images (K, R, R, 3), width -> images with borders of that width
 
 
@@ -34,16 +36,16 @@ class Environment(Protocol):
     """Texels at several resolutions, and where a direction meets them."""
 
     @property
-    def texels(self) -> Tensor:
-        """(T, 3), float32."""
+    def texels(self) -> Texels:
+        """All of them, level by level."""
 
-    def taps(self, d: Vec3, lod: Tensor | None) -> Taps:
-        """K rows of `texels`, int32, and their K weights, each (P, N), for unit directions (P, N).
+    def taps(self, d: Directions, lod: Values | None) -> Taps:
+        """K rows of `texels`, int32, and their K weights for unit directions.
 
         lod: level, trilinear, clamped to the levels there are; None reads level 0 alone.
         """
 
-    def log2_texels_per_sr(self, d: Vec3) -> Tensor:
+    def log2_texels_per_sr(self, d: Directions) -> Values:
         """log2 of the number of level-0 texels a steradian around a unit direction."""
 
 
@@ -52,16 +54,16 @@ class MipTable:
     """Square images at several resolutions in one flat table.
 
     Attributes:
-        texels: (T, 3) float32: level by level, image by image, rows with a one-texel border.
-        offsets: first row of each level (L,), int32.
-        sizes: texels along an edge without border of each level (L,), int32.
+        texels: level by level, image by image, rows with a one-texel border.
+        offsets: first row of each level.
+        sizes: texels along an edge without border of each level.
     """
 
-    texels: Tensor
-    offsets: Tensor
-    sizes: Tensor
+    texels: Texels
+    offsets: Int32[Tensor, "levels"]
+    sizes: Int32[Tensor, "levels"]
 
-    def bilinear(self, image: Tensor, s: Tensor, t: Tensor, lod: Tensor | None) -> Taps:
+    def bilinear(self, image: Int[Tensor, "*#pairs"], s: Values, t: Values, lod: Values | None) -> Taps:
         """Rows and weights at image coordinates s (right), t (down) in [0, 1].
 
         Eight, bilinear in two levels and linear between them; four of level 0 where lod is None.
@@ -93,17 +95,17 @@ class MipTable:
 class Pyramid(MipTable):
     """A cube at every power of two up to its own: six images, faces of the cube."""
 
-    def level(self, level: int) -> Tensor:
-        """Faces of one level without borders, (6, R / 2^l, R / 2^l, 3)."""
+    def level(self, level: int) -> Faces:
+        """Faces of one level without borders."""
         start, n = int(self.offsets[level]), int(self.sizes[level])
         return self.texels[start : start + 6 * (n + 2) ** 2].view(6, n + 2, n + 2, 3)[:, 1:-1, 1:-1]
 
-    def taps(self, d: Vec3, lod: Tensor | None) -> Taps:
+    def taps(self, d: Directions, lod: Values | None) -> Taps:
         """Rows and weights for unit directions; seamless, the borders being the neighbours' texels."""
         face, s, t, _ = face_coordinates(d)
         return self.bilinear(face, s * 0.5 + 0.5, t * 0.5 + 0.5, lod)
 
-    def log2_texels_per_sr(self, d: Vec3) -> Tensor:
+    def log2_texels_per_sr(self, d: Directions) -> Values:
         """log2(R^2 / (4 major^3)): a texel of the face [-1, 1]^2 spans 4 / R^2, seen under the cube of major."""
         major = torch.maximum(torch.maximum(d.x.abs(), d.y.abs()), d.z.abs())
         return 2 * torch.log2(self.sizes[0].float()) - 2 - 3 * torch.log2(major)
@@ -159,8 +161,8 @@ def _combine(slices: list[Tensor], taps: tuple[float, ...]) -> Tensor:
     return out
 
 
-def weighted_radiance(environment: Environment, d: Vec3, lod: Tensor | None, weight: Channels) -> Tensor:
-    """sum over samples of weight * L(d, lod): (P, 3) from directions, levels and weights (P, N).
+def weighted_radiance(environment: Environment, d: Directions, lod: Values | None, weight: Channels) -> Radiance:
+    """sum over samples of weight * L(d, lod), from directions, levels and weights (P, N).
 
     One gather and sum without temporaries for a grey weight, one a channel for a coloured weight.
     """
@@ -179,7 +181,7 @@ def weighted_radiance(environment: Environment, d: Vec3, lod: Tensor | None, wei
     return merge_channels(sums)
 
 
-def lookup(environment: Environment, d: Vec3, lod: Tensor | None = None) -> Tensor:
-    """Radiance (P, 3) in P directions, components (P,), at levels (P,)."""
+def lookup(environment: Environment, d: PointDirections, lod: Float[Tensor, "points"] | None = None) -> Radiance:
+    """Radiance in directions, at levels."""
     column = Vec3(*(c[:, None] for c in d))
     return weighted_radiance(environment, column, None if lod is None else lod[:, None], (torch.ones_like(column.x),))

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from glossbench.metrics.metric import METRICS, Floats, Mask, Metric
+from glossbench.metrics.metric import METRICS, Metric
+from glossbench.shapes import Colours, ErrorMap, Masked
 
 
 @METRICS.register("mean_absolute_error")
@@ -13,7 +14,7 @@ class MeanAbsoluteError(Metric):
     unit = "radiance"
     map_formula = formula
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """Absolute error, the mean over the channels."""
         return np.mean(np.abs(x - y), axis=2)
 
@@ -29,6 +30,6 @@ class MeanRelativeError(Metric):
     unit = "1"
     map_formula = formula
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """Relative error, the mean over the channels."""
         return np.mean(np.where(y > 0, np.abs(x - y) / np.where(y > 0, y, 1), 0.0), axis=2)

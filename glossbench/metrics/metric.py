@@ -1,29 +1,27 @@
 """What a metric is: an error map, and the number that sums it up."""
 
-from typing import ClassVar, Protocol, runtime_checkable
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
-from torch import Tensor
 
 from glossbench.catalog.naming import kind_in_catalog
 from glossbench.errors import InputError, called
 from glossbench.options import Options
 from glossbench.process.surroundings import settled
 from glossbench.registry import Registry
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from glossbench.shapes import Colours, ErrorMap, Errors, Mask, Masked, Picture
 
 
 @runtime_checkable
 class HasRadiance(Protocol):
-    """An image: radiance (H, W, 3), and mask (H, W) where it shows the surface."""
+    """An image: radiance, and the mask where it shows the surface."""
 
     @property
-    def radiance(self) -> Tensor: ...
+    def radiance(self) -> Picture: ...
     @property
-    def mask(self) -> Tensor: ...
+    def mask(self) -> Mask: ...
 
 
 @runtime_checkable
@@ -31,7 +29,7 @@ class HasNoise(Protocol):
     """A reference: it knows the standard error of its radiance, which an image does not."""
 
     @property
-    def standard_error(self) -> Tensor: ...
+    def standard_error(self) -> Picture: ...
 
 
 class Metric(Options):
@@ -68,24 +66,35 @@ class Metric(Options):
         return float(self.pooled(self.errors(x, y, mask)[mask]))
 
     @settled()
-    def error_map(self, image: HasRadiance, truth: HasRadiance) -> Floats:
-        """The error of each pixel, (H, W), zero outside the mask; raises as the number does."""
+    def error_map(self, image: HasRadiance, truth: HasRadiance) -> ErrorMap:
+        """The error of each pixel, zero outside the mask; raises as the number does."""
         x, y, mask = _compared(image, truth)
         return np.where(mask, self.errors(x, y, mask), 0.0)
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
-        """The error of each pixel, (H, W), of an image and a reference (H, W, 3), both zero outside the mask."""
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
+        """The error of each pixel of an image and a reference, both zero outside the mask."""
         raise NotImplementedError
 
-    def pooled(self, errors: Floats) -> float:
-        """The number, from the errors (P,) of the masked pixels."""
+    def pooled(self, errors: Errors) -> float:
+        """The number, from the errors of the masked pixels."""
         return float(np.mean(errors))
+
+
+def column_names(metrics: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
+    """The columns of some metrics, each by name and options: the name, or of two of one name "mrse (epsilon 0.1)"."""
+    found = []
+    for name, options in metrics:
+        same = [other for each, other in metrics if each == name]
+        told = [f"{key} {json.dumps(value)}" for key, value in options.items()
+                if any(other.get(key) != value for other in same)]  # fmt: skip
+        found.append(f"{name} ({', '.join(told)})" if told else name)
+    return found
 
 
 METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench.metrics", kind_in_catalog)
 
 
-def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Floats, Floats, Mask]:
+def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Colours, Colours, Masked]:
     """Image, reference and their mask, in double precision, zero outside it; InputError where they do not compare."""
     for which, given in {"image": image, "truth": truth}.items():
         if not isinstance(given, HasRadiance):
@@ -103,7 +112,7 @@ def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Floats, Floats, M
     return _radiance("the image", image, mask), _radiance("the reference", truth, mask), mask
 
 
-def _radiance(what: str, image: HasRadiance, mask: Mask) -> Floats:
+def _radiance(what: str, image: HasRadiance, mask: Masked) -> Colours:
     if tuple(image.radiance.shape) != (*mask.shape, 3):
         raise InputError(
             f"radiance of {what} must be {(*mask.shape, 3)}, as its mask, got {tuple(image.radiance.shape)}"

@@ -9,7 +9,8 @@ import skimage
 from pydantic import Field
 
 from glossbench.channels import LUMINANCE
-from glossbench.metrics.metric import METRICS, Floats, Mask, Metric
+from glossbench.metrics.metric import METRICS, Metric
+from glossbench.shapes import Colours, ErrorMap, Errors, Masked
 from glossbench.srgb import encoded
 from glossbench.tone import aces, where_aces_is
 
@@ -25,8 +26,8 @@ class Exposures(NamedTuple):
     n_steps: int
 
 
-def exposures(y: Floats, mask: Mask) -> Exposures:
-    """The exposures [stops] at which HDR-FLIP looks at images of a reference (H, W, 3).
+def exposures(y: Colours, mask: Masked) -> Exposures:
+    """The exposures [stops] at which HDR-FLIP looks at images of a reference.
 
     start = log2(x / max(Y)), stop = log2(x / median(Y)), n_steps = max(2, ceil(stop - start)), where ACES(x) = 0.85 and
     Y is luminance.
@@ -44,7 +45,7 @@ def exposures(y: Floats, mask: Mask) -> Exposures:
     return Exposures(start, stop, max(2, ceil(stop - start)))
 
 
-def displayed(image: Floats, stops: float) -> Floats:
+def displayed(image: Colours, stops: float) -> Colours:
     """An image on a display, in [0, 1]: exposed, through the ACES curve and the sRGB curve; below 0 is black."""
     return encoded(aces(np.clip(2**stops * image, 0, 1e6)))
 
@@ -69,7 +70,7 @@ class FLIP(Metric):
     map_formula = "HDR-FLIP(x, y)"
     n_groups = 4
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """The FLIP map."""
         start, stop, n_steps = exposures(y, mask)
         # Scaled so that exposures begin at 0: single precision then neither overflows nor underflows.
@@ -98,7 +99,7 @@ class SSIM(Metric):
     map_formula = "1 - SSIM(x, y)"
     lower_is_better = False
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """1 - SSIM of the window around each pixel, the mean over the channels."""
         start, stop, _ = exposures(y, mask)
         edge = ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0))
@@ -109,6 +110,6 @@ class SSIM(Metric):
         )  # fmt: skip
         return 1 - similarity[WINDOW:-WINDOW, WINDOW:-WINDOW].mean(axis=2)
 
-    def pooled(self, errors: Floats) -> float:
+    def pooled(self, errors: Errors) -> float:
         """1 - mean."""
         return float(1 - np.mean(errors))

@@ -5,7 +5,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from glossbench.metrics.metric import METRICS, Floats, Mask, Metric
+from glossbench.metrics.metric import METRICS, Metric
+from glossbench.shapes import Colours, ErrorMap, Errors, Masked
 
 
 @METRICS.register("rms")
@@ -16,11 +17,11 @@ class RMS(Metric):
     unit = "radiance"
     map_formula = formula
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """Root of the mean squared error over the channels."""
         return np.sqrt(np.mean((x - y) ** 2, axis=2))
 
-    def pooled(self, errors: Floats) -> float:
+    def pooled(self, errors: Errors) -> float:
         """Root of the mean square."""
         return float(np.sqrt(np.mean(errors**2)))
 
@@ -33,7 +34,7 @@ class RelativeRMS(RMS):
     unit = "1"
     map_formula = "sqrt(mean((x - y)^2)) / mean of all y"
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """Root of the mean squared error over the channels, over the mean of the reference."""
         rms, mean = super().errors(x, y, mask), float(y[mask].mean())
         return rms / mean if mean > 0 else np.where(rms == 0, 0.0, np.inf)
@@ -51,7 +52,7 @@ class RelativeL1(Metric):
     unit = "1"
     map_formula = "mean(|x - y|) / mean of all y"
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """Absolute error, the mean over the channels, over the mean of the reference."""
         error, mean = np.mean(np.abs(x - y), axis=2), float(y[mask].mean())
         return error / mean if mean > 0 else np.where(error == 0, 0.0, np.inf)
@@ -66,7 +67,7 @@ class MeanError(Metric):
     map_formula = formula
     signed = True
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """Mean error over the channels."""
         return np.mean(x - y, axis=2)
 
@@ -79,11 +80,11 @@ class MaxError(Metric):
     unit = "radiance"
     map_formula = formula
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """The largest error of any channel."""
         return np.max(np.abs(x - y), axis=2)
 
-    def pooled(self, errors: Floats) -> float:
+    def pooled(self, errors: Errors) -> float:
         """The largest."""
         return float(np.max(errors))
 
@@ -106,7 +107,7 @@ class MRSE(Metric):
     unit = "1"
     map_formula = formula
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """Relative squared error, the mean over the channels."""
         return np.mean((x - y) ** 2 / (y**2 + self.epsilon), axis=2)
 
@@ -125,7 +126,7 @@ class TrimmedMRSE(MRSE):
     fraction: Annotated[float, Field(ge=0, lt=1)] = 0.001
     formula = "mrse over all but the worst pixels, a fraction of them"
 
-    def pooled(self, errors: Floats) -> float:
+    def pooled(self, errors: Errors) -> float:
         """Mean of all but the largest."""
         kept = errors.size - int(self.fraction * errors.size)
         return float(np.mean(np.partition(errors, kept - 1)[:kept]))
@@ -143,7 +144,7 @@ class SMAPE(Metric):
     unit = "1"
     map_formula = formula
 
-    def errors(self, x: Floats, y: Floats, mask: Mask) -> Floats:
+    def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """Error over half the sum of both sizes, the mean over the channels."""
         size = np.abs(x) + np.abs(y)
         return np.mean(2 * np.abs(x - y) / np.where(size > 0, size, 1), axis=2)

@@ -85,6 +85,7 @@ from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
 from glossbench.shading.kernels import PerPoint, over_points
 from glossbench.shading.method import METHODS, Contract, Method, stage
 from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.shapes import Radiance
 from glossbench.truth.reference import estimates
 
 __all__ = [
@@ -143,6 +144,7 @@ __all__ = [
     "LUMINANCE",
     "Lobe",
     "Material",
+    "Radiance",
     "Reflectance",
     "merge_channels",
     "widen",

@@ -31,7 +31,7 @@ class Attempt:
         try:
             mark = json.loads(self._path.read_text(encoding="utf-8"))
             times, host, pid = int(mark["times"]), str(mark["host"]), int(mark["pid"])
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return 0
         except (OSError, ValueError, KeyError, TypeError):  # half-written: the process ended just then
             return 1

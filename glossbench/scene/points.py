@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
+from jaxtyping import Shaped
 from torch import Tensor
 
 from glossbench.catalog.naming import kind_in_catalog
@@ -12,11 +13,12 @@ from glossbench.directions import Vec3, to_local
 from glossbench.memory import check_memory
 from glossbench.options import Options
 from glossbench.registry import Registry
+from glossbench.shapes import Directions, Mask, Picture, Rays, Seen
 
 
 @dataclass(frozen=True)
 class ShadingPoints:
-    """P surface points seen from outside: a right-handed frame and the direction to the viewer, components (P,).
+    """P surface points seen from outside: a right-handed frame and the direction to the viewer.
 
     Attributes:
         t: tangent.
@@ -27,12 +29,12 @@ class ShadingPoints:
         ng: normal of the surface itself, ng . wo > 0, where n is interpolated; none where position is none.
     """
 
-    t: Vec3
-    b: Vec3
-    n: Vec3
-    wo: Vec3
-    position: Vec3 | None = None
-    ng: Vec3 | None = None
+    t: Directions
+    b: Directions
+    n: Directions
+    wo: Directions
+    position: Directions | None = None
+    ng: Directions | None = None
 
     def __len__(self) -> int:
         return self.n.x.shape[0]
@@ -46,7 +48,7 @@ class ShadingPoints:
         """Points [start, stop) with components (P, 1), ready to meet samples (1, N)."""
         return self.each(lambda c: c[start:stop, None])
 
-    def wo_local(self) -> Vec3:
+    def wo_local(self) -> Directions:
         """The direction to the viewer in the frame (t, b, n)."""
         return to_local(self.wo, self.t, self.b, self.n)
 
@@ -62,16 +64,16 @@ class ShadingPoints:
 class Occluder:
     """A scene some of whose points hide the light of others. A scene that is none, as the sphere, hides none."""
 
-    def visible(self, position: Vec3, ng: Vec3, direction: Vec3) -> Tensor:
-        """Whether light from a direction reaches a position, all (N,): bool (N,); ng as of ShadingPoints."""
+    def visible(self, position: Rays, ng: Rays, direction: Rays) -> Seen:
+        """Whether light from a direction reaches a position; ng as of ShadingPoints."""
         raise NotImplementedError
 
 
 class View(Options):
     """What the image shows: a surface and a camera."""
 
-    def mask(self) -> Tensor:
-        """True (H, W) where the surface is seen."""
+    def mask(self) -> Mask:
+        """True where the surface is seen."""
         raise NotImplementedError
 
     def points(self) -> ShadingPoints:
@@ -82,7 +84,7 @@ class View(Options):
         """The geometry, equal for all views of the same one."""
         raise NotImplementedError
 
-    def recorded(self, radiance: Tensor) -> Tensor:
+    def recorded(self, radiance: Picture) -> Picture:
         """What metrics compare of an image's or a reference's radiance; by default all of it."""
         return radiance
 
@@ -96,8 +98,8 @@ def check_pixels(view: View, height: int, width: int) -> None:
 VIEWS: Registry[View] = Registry("view", "glossbench.scene", "glossbench.views", kind_in_catalog)
 
 
-def image_of(mask: Tensor, values: Tensor) -> Tensor:
-    """Values (P, C) at the pixels of a mask (H, W), zero elsewhere: (H, W, C)."""
+def image_of(mask: Mask, values: Shaped[Tensor, "points channels"]) -> Shaped[Tensor, "height width channels"]:
+    """Values of points at the pixels of a mask, zero elsewhere."""
     image = torch.zeros(*mask.shape, values.shape[-1], dtype=values.dtype)
     image[mask] = values.cpu()
     return image

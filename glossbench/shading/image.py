@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import torch
+from jaxtyping import Shaped
 from torch import Tensor
 
 from glossbench.brdf.material import Material
@@ -17,6 +18,7 @@ from glossbench.shading.costs import Costs, timed
 from glossbench.shading.method import CHANGES, INPUTS, Method, dependencies, stages_of
 from glossbench.shading.outputs import count_of, pictures_of, reason_of
 from glossbench.shading.stage_cache import Prepared, StageCache, unwritten
+from glossbench.shapes import Mask, Picture, Radiance
 
 
 @dataclass(frozen=True)
@@ -24,16 +26,16 @@ class Image:
     """What a method shows.
 
     Attributes:
-        radiance: (H, W, 3), float32, zero outside the mask.
-        mask: (H, W), true where the surface is seen.
+        radiance: zero outside the mask.
+        mask: true where the surface is seen.
         costs: seconds and bytes.
-        pictures: of the method's state, (H, W, 3) by name.
+        pictures: of the method's state, by name.
     """
 
-    radiance: Tensor
-    mask: Tensor
+    radiance: Picture
+    mask: Mask
     costs: Costs = field(default_factory=Costs)
-    pictures: Mapping[str, Tensor] = field(default_factory=dict)
+    pictures: Mapping[str, Shaped[Tensor, "_ _ 3"]] = field(default_factory=dict)
 
 
 @settled()
@@ -116,7 +118,7 @@ def arguments_of(function: Callable[..., Any], known: Mapping[str, Any]) -> dict
     return {name: known[name] for name in inspect.signature(function).parameters}
 
 
-def _checked(method: Method, points: ShadingPoints, values: Any) -> Tensor:
+def _checked(method: Method, points: ShadingPoints, values: Any) -> Radiance:
     """The radiance that a method returned, or MethodError."""
     if not isinstance(values, Tensor):
         raise MethodError(f"{method.name}.shade must return a tensor, got {type(values).__name__}")

@@ -1,6 +1,6 @@
 """Running a kernel over all points: in chunks that bound the working set, fused by torch.compile where it pays.
 
-A kernel is a pure function kernel(points, *arguments) -> (P, C): `points` are a chunk's ShadingPoints as columns
+A kernel is a pure function kernel(points, *arguments) -> `OfPoints`: `points` are a chunk's ShadingPoints as columns
 (P, 1), the arguments are tensors of samples (1, N) and tables, alone or in named tuples and frozen dataclasses, or
 `PerPoint`.
 """
@@ -14,6 +14,7 @@ from math import ceil
 from typing import Any, NamedTuple, TypeVar, cast
 
 import torch
+from jaxtyping import Shaped
 from torch import Tensor
 
 from glossbench.scene.points import ShadingPoints
@@ -25,24 +26,27 @@ CHUNK = 1 << 17
 # the first time and 4 s from the compiler's cache on disk. The rule knows only the call, so a resumed run repeats it.
 FUSE_ABOVE = 1 << 25
 
-Kernel = Callable[..., Tensor]
+OfPoints = Shaped[Tensor, "points columns"]  # a row for each point
+Kernel = Callable[..., OfPoints]
 F = TypeVar("F", bound=Callable[..., Any])
 
 _leave_out: list[Callable[[], None]] = []
 
 
 class PerPoint(NamedTuple):
-    """An argument of a kernel with a row for each point, (P, K): a kernel gets the rows of its chunk as a tensor."""
+    """An argument of a kernel with a row for each point: a kernel gets the rows of its chunk as a tensor."""
 
-    values: Tensor
+    values: OfPoints
 
-    def rows(self, start: int, stop: int) -> Tensor:
+    def rows(self, start: int, stop: int) -> OfPoints:
         """Rows [start, stop)."""
         return self.values[start:stop]
 
 
-def over_points(kernel: Kernel, points: ShadingPoints, width: int, *arguments: Any, fuse: bool | None = None) -> Tensor:
-    """kernel(points, *arguments) for all points, chunk by chunk: (P, C).
+def over_points(
+    kernel: Kernel, points: ShadingPoints, width: int, *arguments: Any, fuse: bool | None = None
+) -> OfPoints:
+    """kernel(points, *arguments) for all points, chunk by chunk.
 
     Args:
         width: samples a point; with the number of points it decides the chunks and whether to fuse.

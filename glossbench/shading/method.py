@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
+from jaxtyping import Float
 from torch import Tensor
 
 from glossbench.brdf.material import Material
@@ -17,6 +18,7 @@ from glossbench.catalog.naming import kind_in_catalog
 from glossbench.errors import InputError
 from glossbench.options import Options, option_names
 from glossbench.registry import Registry
+from glossbench.shapes import Radiance
 
 INPUTS = ("light", "material", "scene", "view")
 # What an artist or a game changes -> the input that is then new. A view change leaves the geometry as it is.
@@ -95,11 +97,11 @@ class Method(Options):
         value = getattr(self, budget_of(type(self)), 1)
         return value if isinstance(value, int) else 1
 
-    def half_vectors(self, material: Material) -> Tensor | None:
-        """The half vectors (N, 2), theta and phi, that every pixel uses for the first lobe; None if there are none."""
+    def half_vectors(self, material: Material) -> Float[Tensor, "samples 2"] | None:
+        """The half vectors, theta and phi, that every pixel uses for the first lobe; None if there are none."""
         return None
 
-    shade: ClassVar[Callable[..., Tensor]]
+    shade: ClassVar[Callable[..., Radiance]]
     # pictures(self, <stages by name>) -> {name: (H, W, 3)}: what of its state is worth looking at, for reports.
     pictures: ClassVar[Callable[..., Mapping[str, Tensor]] | None] = None
 

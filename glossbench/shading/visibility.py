@@ -8,6 +8,7 @@ from glossbench.channels import Channels
 from glossbench.directions import Vec3
 from glossbench.scene.points import Occluder, ShadingPoints
 from glossbench.shading.kernels import untraced
+from glossbench.shapes import Directions
 
 
 def occluder_of(scene: Any) -> Occluder | None:
@@ -15,16 +16,16 @@ def occluder_of(scene: Any) -> Occluder | None:
     return scene if isinstance(scene, Occluder) else None
 
 
-def unhidden(weight: Channels, points: ShadingPoints, d: Vec3, occluder: Occluder | None) -> Channels:
-    """The weights (P, N), zero where the scene hides the direction d; None hides nothing.
+def unhidden(weight: Channels, points: ShadingPoints, d: Directions, occluder: Occluder | None) -> Channels:
+    """The weights, zero where the scene hides the direction d; None hides nothing.
 
-    Only of what has a weight a ray is cast. d is in the world's axes, its components (1, N) or (P, N).
+    Only of what has a weight a ray is cast. d is in the world's axes.
     """
     return weight if occluder is None else _cast(weight, points, d, occluder)
 
 
 @untraced
-def _cast(weight: Channels, points: ShadingPoints, d: Vec3, occluder: Occluder) -> Channels:
+def _cast(weight: Channels, points: ShadingPoints, d: Directions, occluder: Occluder) -> Channels:
     assert points.position is not None
     assert points.ng is not None
     seen = torch.stack(torch.broadcast_tensors(*weight, d.x)[:-1]).amax(0) > 0

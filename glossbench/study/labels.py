@@ -6,9 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from glossbench.columns import parsed
+from glossbench.columns import CONDITIONS, parsed
 
-KINDS = ("light", "material", "view")
 Texts = dict[str, str]
 
 
@@ -93,22 +92,31 @@ def names_of(kind: str, rows: Iterable[Mapping[str, Any]], without: str = "") ->
         called = " ".join(part for part in ("" if file and row[kind] == "file" else str(row[kind]), file) if part)
         told = {name: files.get(text[_key(own.get(name))], text[_key(own.get(name))])
                 for name, text in telling[row[kind]].items()}  # fmt: skip
-        named[key] = f"{called} ({listed(told)})" if told else called
+        named[key] = with_options(called, told)
     return _distinct(named)
 
 
 def with_names(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The rows of a whole table, with `light_name`, `material_name` and `view_name` as reports have them."""
     read = [parsed(row) for row in rows]
-    names = {kind: names_of(kind, read) for kind in KINDS}
+    names = {kind: names_of(kind, read) for kind in CONDITIONS}
     return [
-        {**row, **{f"{kind}_name": names[kind][identity(kind, each)] for kind in KINDS}}
+        {**row, **{f"{kind}_name": names[kind][identity(kind, each)] for kind in CONDITIONS}}
         for row, each in zip(rows, read, strict=True)
     ]
 
 
+def with_options(name: str, options: Mapping[str, Any]) -> str:
+    """A name and, in brackets, options: "ggx (alpha 0.1)"."""
+    return f"{name} ({listed(options)})" if options else name
+
+
 def listed(options: Mapping[str, Any]) -> str:
-    """Options as names have them."""
+    """Options as names have them.
+
+    >>> listed({"samples": 14, "m": [0.1, 0.04], "filter": "gauss"})
+    'samples 14, m [0.1, 0.04], filter gauss'
+    """
     return ", ".join(f"{key} {as_text(value)}" for key, value in options.items())
 
 
@@ -125,7 +133,13 @@ def as_text(value: Any, digits: int = 4) -> str:
 
 
 def texts_of(values: Iterable[Any]) -> Texts:
-    """By JSON the text of each value, with as many digits as tell them apart."""
+    """By JSON the text of each value, with as many digits as tell them apart.
+
+    >>> texts_of([0.12345678, 0.5])
+    {'0.12345678': '0.1235', '0.5': '0.5'}
+    >>> texts_of([0.12345678, 0.12345])
+    {'0.12345678': '0.1234568', '0.12345': '0.12345'}
+    """
     known = {_key(value): value for value in values}
     texts: Texts = {}
     for digits in (4, 7, 17):
@@ -183,6 +197,10 @@ def _follows(values: Sequence[Any], asked: Sequence[Any], is_budget: bool) -> bo
 
 
 def differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Keys, in order, whose value is not the same in all."""
+    """Keys, in order, whose value is not the same in all.
+
+    >>> differing([{"m": 0.1, "f0": 1.0}, {"m": 0.2, "f0": 1.0}, {"m": 0.2, "f0": 1.0, "kd": 0.5}])
+    ['m', 'kd']
+    """
     keys = dict.fromkeys(key for each in options for key in each)
     return [key for key in keys if len({_key(each.get(key)) for each in options}) > 1]

@@ -25,7 +25,7 @@ from glossbench.directions import Vec3, cosine_hemisphere, to_local, to_world
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.importance import LightDistribution, luminance_distribution
 from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
-from glossbench.errors import InputError, check_call
+from glossbench.errors import InputError, MethodError, check_call
 from glossbench.process.surroundings import settled
 from glossbench.scene.points import Occluder, ShadingPoints, View, image_of
 from glossbench.shading.kernels import over_points
@@ -139,6 +139,7 @@ def compute_reference(
 
     Raises:
         InputError: relative_error not positive, max_samples below the first round's.
+        MethodError: the material has more lobes than there are kernels, 16.
     """
     check_call("reference", light=(light, CubeMap), material=(material, Material), view=(view, View))
     if not relative_error > 0:
@@ -149,6 +150,9 @@ def compute_reference(
     points = view.points().to(device)
     occluder = occluder_of(view.scene())
     reflectance = material.reflectance(device)
+    if len(reflectance.lobes) > MAX_LOBES:
+        n_lobes = len(reflectance.lobes)
+        raise MethodError(f"{material.name}.reflectance must have at most {MAX_LOBES} lobes, got {n_lobes}")
     tables = Tables(reflectance, luminance_distribution(light), finest(light), occluder)
     n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
     sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=device)

@@ -18,6 +18,7 @@ from glossbench.prefilter import (
     Method,
     NoShadows,
     PartialMaps,
+    Radiance,
     Seed,
     ShadingPoints,
     View,
@@ -107,7 +108,7 @@ class AmbientOcclusion(Method):
         calibration: LobeLevels,
         maps: PartialMaps,
         ambient: Tensor,
-    ) -> Tensor:
+    ) -> Radiance:
         """Radiance (P, 3)."""
         reflectance = material.as_lobes(points.device)
         open_scene = lobe_radiance(points, reflectance, lobe_sums, calibration, maps, NoShadows(1), self.energy)

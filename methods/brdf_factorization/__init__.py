@@ -3,7 +3,6 @@
 from typing import Annotated
 
 from pydantic import Field
-from torch import Tensor
 
 from glossbench.prefilter import (
     METHODS,
@@ -12,6 +11,7 @@ from glossbench.prefilter import (
     Material,
     Method,
     Partition,
+    Radiance,
     ShadingPoints,
     Solver,
     Vec3,
@@ -82,7 +82,7 @@ class BRDFFactorization(Method):
         """The directional lights."""
         return whole(light) if self.lights == 1 else median_cut(light, self.lights)
 
-    def shade(self, points: ShadingPoints, material: Material, factors: BRDFFactors, sources: Partition) -> Tensor:
+    def shade(self, points: ShadingPoints, material: Material, factors: BRDFFactors, sources: Partition) -> Radiance:
         """Radiance (P, 3)."""
         wo = points.wo_local()
         total = points.n.x.new_zeros(len(points), 3)

@@ -22,6 +22,7 @@ from glossbench.prefilter import (
     Occluder,
     PerPoint,
     PointSet,
+    Radiance,
     Seed,
     ShadingPoints,
     Vec3,
@@ -168,7 +169,7 @@ class FilteredImportanceSampling(Method):
         scene: Any = None,
         light_coefficients: Tensor | None = None,
         visibility_coefficients: PerPoint | None = None,
-    ) -> Tensor:
+    ) -> Radiance:
         """Radiance (P, 3)."""
         reflectance = material.as_lobes(points.device)
         occluder = occluder_of(scene) if self.visibility == "rays" else None
@@ -207,7 +208,7 @@ def _isotropic(
     pyramid: Environment,
     level: Tensor,
     hidden: Occluder | Tensor | None = None,
-) -> Tensor:
+) -> Radiance:
     """Sum over samples of one lobe; level = log4(K / N) and the bias."""
     wi, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
     return weighted_radiance(pyramid, d, lod, _attenuated(weight, points, d, wi, hidden))
@@ -250,7 +251,7 @@ def _affine(
     level: Tensor,
     places: Tensor,
     hidden: Occluder | Tensor | None = None,
-) -> Tensor:
+) -> Radiance:
     """Sum over samples of one lobe; places of the probes along the major axis, in half axes."""
     wo = points.wo_local()
     wi, _, weight = lobe.sample(wo, samples)

@@ -17,6 +17,7 @@ from glossbench.prefilter import (
     Material,
     Method,
     Pyramid,
+    Radiance,
     Resolution,
     Seed,
     ShadingPoints,
@@ -188,7 +189,7 @@ class LightingFactorization(Method):
             crosses[name] = from_cubemap(CubeMap(faces.contiguous(), name), "horizontal_cross")
         return crosses
 
-    def shade(self, points: ShadingPoints, material: Material, maps: Textures) -> Tensor:
+    def shade(self, points: ShadingPoints, material: Material, maps: Textures) -> Radiance:
         """Radiance (P, 3): the product of the lookups."""
         names = PARAMETERS[self.parameters]
         read = [

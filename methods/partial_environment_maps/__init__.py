@@ -3,7 +3,6 @@
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
-from torch import Tensor
 
 from glossbench.prefilter import (
     METHODS,
@@ -17,6 +16,7 @@ from glossbench.prefilter import (
     Material,
     Method,
     Partition,
+    Radiance,
     ShadingPoints,
     Shadows,
     Visibility,
@@ -142,7 +142,7 @@ class PartialEnvironmentMaps(Method):
         calibration: LobeLevels | MapLevels,
         maps: Maps,
         shadows: Shadows,
-    ) -> Tensor:
+    ) -> Radiance:
         """Radiance (P, 3)."""
         reflectance = material.as_lobes(points.device)
         return lobe_radiance(points, reflectance, lobe_sums, calibration, maps, shadows, self.energy)

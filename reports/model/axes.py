@@ -5,7 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from glossbench.study.labels import KINDS, budget_of, identity, listed, names_of, number_in, stated, told_apart
+from glossbench.columns import CONDITIONS
+from glossbench.study.labels import budget_of, identity, listed, names_of, number_in, stated, told_apart
 
 from ..style import looks
 from .conditions import Group, methods_of
@@ -60,7 +61,7 @@ class Sweep:
     def kind(self) -> str:
         """Of light, material and view the one that is swept; "" for samples and options."""
         kind = self.name.partition(".")[0]
-        return kind if kind in KINDS and "." in self.name else ""
+        return kind if kind in CONDITIONS and "." in self.name else ""
 
     @property
     def parameter(self) -> str:
@@ -156,14 +157,16 @@ def with_costs(sweeps: Mapping[str, Sweep]) -> list[Sweep]:
 def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
     """Groups by what else than the swept quantity they are of, and means over the lights of each material and view."""
     rows = [cell.row for group in groups for cell in group.cells]
-    without = {kind: sweep.parameter if kind == sweep.kind else "" for kind in KINDS}
-    names = {kind: names_of(kind, rows, without[kind]) for kind in KINDS}
+    without = {kind: sweep.parameter if kind == sweep.kind else "" for kind in CONDITIONS}
+    names = {kind: names_of(kind, rows, without[kind]) for kind in CONDITIONS}
     alike: dict[tuple[str, ...], list[Group]] = {}
     for group in groups:
-        alike.setdefault(tuple(identity(kind, group.cells[0].row, without[kind]) for kind in KINDS), []).append(group)
+        alike.setdefault(tuple(identity(kind, group.cells[0].row, without[kind]) for kind in CONDITIONS), []).append(
+            group
+        )
     found, shared = [], dict[str, list[list[Group]]]()
     for key, members in alike.items():
-        light, *others = (names[kind][each] for kind, each in zip(KINDS, key, strict=True))
+        light, *others = (names[kind][each] for kind, each in zip(CONDITIONS, key, strict=True))
         place = Place(", ".join([light, *others]), sweep, [members])
         if sweep.kind and _n_values(place) < 2:
             continue
@@ -186,7 +189,7 @@ def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Options and parameters that have more than one number; none that was tuned."""
     numbers: dict[str, set[float]] = {}
     for row in rows:
-        for kind in ("", *KINDS):
+        for kind in ("", *CONDITIONS):
             for key, value in _options(row, kind).items():
                 number = number_in(value)
                 if number is None or key in ASIDE or (kind == "" and _is_tuned(row, key)):

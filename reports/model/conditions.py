@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any
 
+from glossbench.columns import CONDITIONS
 from glossbench.findings.columns import Column
-from glossbench.study.labels import KINDS, identity, listed, names_of, told_apart
+from glossbench.study.labels import identity, listed, names_of, told_apart
 
 
 @dataclass(frozen=True)
@@ -66,19 +67,19 @@ class Group:
 def grouped(rows: Sequence[dict[str, Any]], metrics: Iterable[Column]) -> list[Group]:
     """Cells by light, material and view, in the order of the study."""
     cells = _cells(rows)
-    names = {kind: names_of(kind, rows) for kind in KINDS}
+    names = {kind: names_of(kind, rows) for kind in CONDITIONS}
     columns = {column.name: column for column in metrics}
     order = {kind: {key: i for i, key in enumerate(own)} for kind, own in names.items()}
 
     def place(cell: Cell) -> tuple[int, ...]:
-        return tuple(order[kind][identity(kind, cell.row)] for kind in KINDS)
+        return tuple(order[kind][identity(kind, cell.row)] for kind in CONDITIONS)
 
     found = []
     for _, members in groupby(sorted(cells, key=place), key=place):
         group = sorted(members, key=lambda cell: (cell.index, cell.row["n_samples"] or 0))
         first = next((cell.row for cell in group if cell.done), {})
-        named = {kind: names[kind][identity(kind, group[0].row)] for kind in KINDS}
-        options = {kind: group[0].row[f"{kind}_options"] for kind in KINDS}
+        named = {kind: names[kind][identity(kind, group[0].row)] for kind in CONDITIONS}
+        options = {kind: group[0].row[f"{kind}_options"] for kind in CONDITIONS}
         best = {metric: _best(column, [cell.row for cell in group if cell.done]) for metric, column in columns.items()}
         found.append(Group(", ".join(named.values()), options, group, first, best, named, columns))
     return found

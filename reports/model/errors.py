@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from glossbench.metrics.metric import Floats
+from .panels import Floats
 
 EPSILON = 0.01  # [radiance], of the relative error
 ERRORS = {

@@ -61,7 +61,7 @@ class Report:
         """The report of results, finished or not."""
         study, cells = results.study, results.cells
         rows = [parsed(row) for row in cells.to_dict("records")]
-        metrics = [name for name in dict.fromkeys(study.get("metrics") or ()) if name in cells.columns]
+        metrics = [name for name in results.metrics if name in cells.columns]
         columns = columns_of(study.get("metrics") or ()) | results.columns
         others = [name for name in METRICS.names() if name in cells.columns]
         measured = list(dict.fromkeys([*metrics, *others]))

@@ -22,7 +22,6 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from glossbench.atomic import replacing
-from glossbench.metrics.metric import Floats
 from glossbench.metrics.perceptual import FLIP
 from glossbench.run.results import Results
 from glossbench.strict_json import dumps
@@ -30,6 +29,8 @@ from glossbench.strict_json import dumps
 from .. import raster, style
 from ..model.conditions import Cell, Group, methods_of
 from ..model.errors import EPSILON, ERRORS, error
+
+Floats = NDArray[np.float64]
 
 INLINE = 32_000_000  # bytes of half floats, before deflation, up to which the page holds its images itself
 FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # of a map's longer side, and of the maps of all cells together, at most

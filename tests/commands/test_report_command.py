@@ -34,20 +34,30 @@ def test_report_writes_the_reports_again(call):
 
 @pytest.mark.usefixtures("results")
 @pytest.mark.parametrize(
-    ("flags", "names"), [([], "html pdf"), (["--pdf"], "pdf"), (["--html"], "html"), (["--pdf", "--html"], "html pdf")]
+    ("asked", "names"), [([], "html pdf"), (["pdf"], "pdf"), (["html"], "html"), (["pdf", "html"], "html pdf")]
 )
-def test_report_writes_those_that_are_asked_for(call, monkeypatch, flags, names):
+def test_report_writes_those_that_are_asked_for(call, monkeypatch, asked, names):
     written = []
     writers = {name: lambda folder, name=name: written.append(name) or folder / name for name in ("html", "pdf")}
     monkeypatch.setattr(run_command, "_report_writers", lambda: writers)
 
-    code, out, _ = call("report", "results/tiny", *flags)
+    code, out, _ = call("report", "results/tiny", *asked)
 
     assert (code, out) == (0, "".join(f"report: results/tiny/{name}\n" for name in written))
     assert written == names.split()
 
 
-@pytest.mark.parametrize("changes", [["-f", "environment_sampling"], ["-f", "importance_sampling", "--seed", "3"]])
+@pytest.mark.usefixtures("results")
+def test_a_report_of_an_unknown_name_is_bad_input_and_writes_none(call, monkeypatch):
+    monkeypatch.setattr(run_command, "_report_writers", lambda: {"html": None, "pdf": None})
+
+    code, out, err = call("report", "results/tiny", "pdf", "htm")
+
+    assert (code, out) == (2, "")
+    assert err == "error: no report is called 'htm'; did you mean 'html'?\n"
+
+
+@pytest.mark.parametrize("changes", [["-m", "environment_sampling"], ["-m", "importance_sampling", "--seed", "3"]])
 def test_a_run_does_not_write_over_results_of_another(call, results, changes):
     before = files_under(results)
 

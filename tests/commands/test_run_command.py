@@ -92,7 +92,7 @@ def test_another_process_prints_the_same_kind_of_end(here):
 
 @pytest.mark.usefixtures("without_reports")
 def test_a_folder_whose_name_looks_like_markup_is_printed_as_it_is(call):
-    out = call("run", "tiny.yaml", "-f", "importance_sampling", "-o", "a[bold]b").out
+    out = call("run", "tiny.yaml", "-m", "importance_sampling", "-o", "a[bold]b").out
 
     assert out.splitlines()[-1] == "report: a[bold]b/report.html"
 
@@ -144,7 +144,7 @@ def call_raising(error: type[Exception], *arguments: str) -> bool:
 
 @pytest.mark.usefixtures("without_reports")
 def test_only_the_named_methods_run_and_the_study_on_disk_says_so(call):
-    assert call("run", "tiny.yaml", "-f", "environment_sampling").code == 0
+    assert call("run", "tiny.yaml", "-m", "environment_sampling").code == 0
 
     assert set(Results("results/tiny").cells["method"]) == {"environment_sampling"}
     again = load_study("results/tiny/study.yaml")
@@ -154,7 +154,7 @@ def test_only_the_named_methods_run_and_the_study_on_disk_says_so(call):
 
 @pytest.mark.usefixtures("without_reports")
 def test_the_seed_reaches_the_reference_and_the_methods(call):
-    call("run", "tiny.yaml", "--seed", 5, "-f", "importance_sampling")
+    call("run", "tiny.yaml", "--seed", 5, "-m", "importance_sampling")
 
     resolved = Results("results/tiny").study
     assert (resolved["seed"], resolved["reference"]["seed"]) == (5, 5)
@@ -177,7 +177,7 @@ def test_a_light_on_the_command_line_replaces_those_of_the_study(call):
 def test_a_run_under_another_light_writes_beside_the_study_s_own_results(call):
     write_exr("probe.exr", torch.ones(8, 16, 3))
 
-    code, out, _ = call("run", "tiny.yaml", "--light", "probe.exr", "-f", "importance_sampling")
+    code, out, _ = call("run", "tiny.yaml", "--light", "probe.exr", "-m", "importance_sampling")
 
     assert code == 0
     assert out.splitlines()[-1] == "report: results/tiny_probe/report.html"

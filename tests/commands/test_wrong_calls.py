@@ -95,7 +95,7 @@ def test_a_wrong_study_is_one_line_and_nothing_is_written(call, here, fault):
             "error: cannot write results to tiny.yaml/below: Not a directory",
         ),
         (
-            ["run", "tiny.yaml", "-f", "importance_samplin"],
+            ["run", "tiny.yaml", "-m", "importance_samplin"],
             "error: the study has no method 'importance_samplin'; did you mean 'importance_sampling'?",
         ),
         (["run", "tiny.yaml", "--seed", "-1"], "error: seed must be at least 0, got -1"),

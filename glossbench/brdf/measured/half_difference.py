@@ -3,12 +3,12 @@
 from math import pi
 
 import torch
-from torch import Tensor
 
 from glossbench.directions import Vec3, dot, half_vector
+from glossbench.shapes import Directions, Values
 
 
-def half_difference(wo: Vec3, wi: Vec3) -> tuple[Tensor, Tensor, Tensor]:
+def half_difference(wo: Directions, wi: Directions) -> tuple[Values, Values, Values]:
     """theta_h, theta_d in [0, pi/2] and phi_d in [0, pi) of two directions above the surface.
 
     h in the frame of the normal, wi in that of h: x towards larger theta_h, y towards larger phi_h. phi_d is taken
@@ -27,7 +27,7 @@ def half_difference(wo: Vec3, wi: Vec3) -> tuple[Tensor, Tensor, Tensor]:
     return theta_h, theta_d, torch.remainder(phi_d, pi)
 
 
-def azimuth(v: Vec3) -> tuple[Tensor, Tensor]:
+def azimuth(v: Directions) -> tuple[Values, Values]:
     """Cosine and sine of the azimuth of a direction; 1 and 0 of the normal."""
     length2 = v.x * v.x + v.y * v.y
     inverse, at_pole = torch.rsqrt(length2.clamp(min=1e-20)), length2 < 1e-14

@@ -6,11 +6,13 @@ from math import asin, cos, log, pi, sin, sqrt, tan
 from typing import NamedTuple
 
 import torch
+from jaxtyping import Int
 from torch import Tensor
 
 from glossbench.brdf.measured.half_difference import azimuth
 from glossbench.channels import Channels, scalar
 from glossbench.directions import Vec3, dot, reflect
+from glossbench.shapes import Directions, UnitSquare, Values
 
 VIEWS, RINGS, SECTORS = 45, 90, 36  # of the angle of the view, of the half vector's angle and azimuth
 INSIDE = 2  # points across a cell in each direction at which f is taken
@@ -45,7 +47,7 @@ class HalfVectorDensity:
     marginal: Tensor
     conditional: Tensor
 
-    def sample_points(self, u: Tensor) -> TabulatedPoints:
+    def sample_points(self, u: UnitSquare) -> TabulatedPoints:
         """The half vectors of points (N, 2) for every angle of the view: u1 chooses the ring, u2 the sector.
 
         What is left of each places the half vector in its cell, so a stratified point set stays stratified.
@@ -67,7 +69,7 @@ class HalfVectorDensity:
         x, y, z = (c.float() for c in (r * torch.cos(phi), r * torch.sin(phi), 1 - away))
         return TabulatedPoints(x, y, z, self.density[index] / 4)
 
-    def half_vectors(self, wo: Vec3, points: TabulatedPoints) -> tuple[Vec3, Tensor]:
+    def half_vectors(self, wo: Directions, points: TabulatedPoints) -> tuple[Directions, Values]:
         """The points of each view (P, N), turned to its azimuth, and their density over 4."""
         n = points.x.shape[1]
         at = _view(wo) * n + torch.arange(n, device=wo.z.device, dtype=torch.int32)
@@ -76,7 +78,7 @@ class HalfVectorDensity:
         h = Vec3(x * e_x - y * e_y, x * e_y + y * e_x, points.z.view(-1)[at])
         return h, points.quarter_pdf.view(-1)[at]
 
-    def pdf(self, wo: Vec3, h: Vec3) -> Tensor:
+    def pdf(self, wo: Directions, h: Directions) -> Values:
         """p(h) [1/sr] for a view."""
         e_x, e_y = azimuth(wo)
         away = (h.x * h.x + h.y * h.y) / (1 + h.z)
@@ -129,6 +131,6 @@ def half_vector_density(f: Callable[[Vec3, Vec3], Channels], device: str) -> Hal
     return HalfVectorDensity(*(t.to(device) for t in tables))
 
 
-def _view(wo: Vec3) -> Tensor:
-    """The angle of a view, int32, (P, 1)."""
+def _view(wo: Directions) -> Int[Tensor, "*#pairs"]:
+    """The number of the angle of a view."""
     return (torch.acos(wo.z.clamp(0, 1)) * (2 * VIEWS / pi)).int().clamp(0, VIEWS - 1)

@@ -5,21 +5,21 @@ from functools import partial
 from typing import Protocol
 
 import torch
-from torch import Tensor
 
 from glossbench.brdf.lobe import Lobe, Sample
 from glossbench.brdf.measured.half_vector_density import HalfVectorDensity, TabulatedPoints, half_vector_density
 from glossbench.channels import Channels, scalar, widen
-from glossbench.directions import Vec3, dot, half_vector, reflect
+from glossbench.directions import dot, half_vector, reflect
+from glossbench.shapes import Choices, Directions, PairValues, UnitSquare
 
 
 class Table(Protocol):
     """An isotropic BRDF as a file states it; directions above the surface."""
 
-    def value(self, wo: Vec3, wi: Vec3) -> Channels:
+    def value(self, wo: Directions, wi: Directions) -> Channels:
         """f [1/sr], red, green and blue, not negative; where nothing was measured, a filling or 0."""
 
-    def known(self, wo: Vec3, wi: Vec3) -> Tensor:
+    def known(self, wo: Directions, wi: Directions) -> Choices:
         """Whether f was measured there, and is no filling of the table."""
 
 
@@ -37,7 +37,7 @@ class MeasuredLobe(Lobe):
     known_only: bool
     density: HalfVectorDensity
 
-    def f_and_pdf(self, wo: Vec3, wi: Vec3) -> tuple[Channels, Tensor]:
+    def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
         """`f` and `pdf`."""
         h = half_vector(wo, wi)
         above = (wo.z > 0) & (wi.z > 0)
@@ -45,11 +45,11 @@ class MeasuredLobe(Lobe):
         values = table_values(self.table, self.known_only, wo, wi)
         return tuple(torch.where(above, ks * v, 0.0) for ks, v in zip(widen(self.ks, 3), values, strict=True)), pdf
 
-    def sample_points(self, u: Tensor) -> TabulatedPoints:
+    def sample_points(self, u: UnitSquare) -> TabulatedPoints:
         """Half vectors for each tabulated angle of the view."""
         return self.density.sample_points(u)
 
-    def sample(self, wo: Vec3, points: TabulatedPoints) -> Sample:
+    def sample(self, wo: Directions, points: TabulatedPoints) -> Sample:
         """Mirror directions at the half vectors."""
         h, quarter_pdf = self.density.half_vectors(wo, points)
         c = dot(wo, h)
@@ -67,7 +67,7 @@ def measured_lobe(table: Table, known_only: bool, device: str) -> MeasuredLobe:
     return MeasuredLobe((m, m), (torch.ones((), device=device),), table, known_only, density)
 
 
-def table_values(table: Table, known_only: bool, wo: Vec3, wi: Vec3) -> Channels:
+def table_values(table: Table, known_only: bool, wo: Directions, wi: Directions) -> Channels:
     """f of a table, black where it is filled and only what is known counts."""
     values = table.value(wo, wi)
     if not known_only:

@@ -1,0 +1,47 @@
+"""`glossbench findings`: the page of what studies found."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from glossbench.commands.completion import results as result_folders
+from glossbench.commands.printing import say
+from glossbench.study.installed import study_files
+
+
+def findings(
+    results: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Folders that finished runs made.", autocompletion=result_folders),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The page; summaries are kept in a folder of this name without .md.")
+    ] = Path("findings.md"),
+) -> None:
+    """Write a page of verdicts: of these results, and of the summaries of earlier ones that the page has kept."""
+    from glossbench.atomic import replacing
+    from glossbench.errors import InputError
+    from glossbench.findings.page import findings_page
+    from glossbench.findings.summary import Summary
+    from glossbench.run.results import Results
+
+    if output.suffix != ".md":
+        raise InputError(f"{output}: the page must end in .md, got {output.suffix!r}")
+    kept = output.with_suffix("")
+    opened = [Results.open(folder) for folder in results or []]
+    for each in opened:
+        if not each.disk.manifest.is_finished:
+            raise InputError(f"{each.folder} is not finished; the same `glossbench run` goes on with it")
+    for each in opened:
+        summary = Summary(each.study, each.claims, each.provenance, each.cells)
+        summary.write(kept / summary.name)
+    folders = sorted(path.parent for path in kept.glob("*/claims.json"))
+    if not folders:
+        raise InputError(f"no results are named, and {kept} holds no summaries")
+    earlier = kept / "earlier.md"
+    text = earlier.read_text(encoding="utf-8") if earlier.is_file() else ""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(output) as part:
+        part.write_text(findings_page([Summary.read(f) for f in folders], study_files(), text), encoding="utf-8")
+    say(str(output))

@@ -1,0 +1,89 @@
+"""Summaries: what a finished study found, without its images, small enough to be kept beside the source."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Any
+
+import pandas
+
+from glossbench.atomic import replacing
+from glossbench.errors import InputError
+from glossbench.strict_json import dumps, loads
+from glossbench.study.document import dump, read_document
+
+FILES = ("study.yaml", "claims.json", "provenance.json", "cells.parquet")
+KEPT = ("glossbench", "python", "torch", "platform", "processor", "cores", "threads", "device", "started", "finished")
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What one run of a study found.
+
+    Attributes:
+        study: as it was resolved.
+        claims: the verdicts.
+        provenance: versions, machine, times.
+        cells: one row for each cell.
+    """
+
+    study: dict[str, Any]
+    claims: list[dict[str, Any]]
+    provenance: dict[str, Any]
+    cells: pandas.DataFrame
+
+    @property
+    def name(self) -> str:
+        """The name of the study."""
+        return str(self.study["name"])
+
+    @classmethod
+    def read(cls, folder: Path) -> "Summary":
+        """The summary in a folder.
+
+        Raises:
+            InputError: one of its files is not there.
+        """
+        missing = [name for name in FILES if not (folder / name).is_file()]
+        if missing:
+            raise InputError(f"{folder} holds no summary: there is no {missing[0]} in it")
+        return cls(
+            read_document(folder / "study.yaml").data,
+            loads((folder / "claims.json").read_bytes()),
+            loads((folder / "provenance.json").read_bytes()),
+            pandas.read_parquet(folder / "cells.parquet"),
+        )
+
+    def write(self, folder: Path) -> None:
+        """Write the summary into a folder: nothing in it names a folder of this machine."""
+        folder.mkdir(parents=True, exist_ok=True)
+        texts = {
+            "study.yaml": dump(_without_folders(self.study)),
+            "claims.json": dumps(self.claims, indent=1),
+            "provenance.json": dumps({key: self.provenance[key] for key in KEPT if key in self.provenance}, indent=1),
+        }
+        for name, text in texts.items():
+            with replacing(folder / name) as part:
+                part.write_text(text + "\n" if not text.endswith("\n") else text, encoding="utf-8")
+        cells = self.cells.map(_shortened)
+        with replacing(folder / "cells.parquet") as part:
+            cells.to_parquet(part, index=False, compression="zstd")
+
+
+def _shortened(value: Any) -> Any:
+    """A text of a cell: of JSON the same with the names of files alone, of a traceback its last line."""
+    if not isinstance(value, str):
+        return value
+    if value.startswith(("{", "[")):
+        return json.dumps(_without_folders(json.loads(value)), sort_keys=True)
+    return value.strip().splitlines()[-1] if value.startswith("Traceback") else value
+
+
+def _without_folders(value: Any, key: str = "") -> Any:
+    """JSON data in which each option `file` has the name of the file alone."""
+    if isinstance(value, Mapping):
+        return {name: _without_folders(each, name) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_without_folders(each, key) for each in value]
+    return PurePath(value).name if key == "file" and isinstance(value, str) else value
