@@ -137,9 +137,8 @@ def _images(
         name = f"images/{cell.row['key']}_flip_{reduction}.npz"
         flip = _kept(results, name, mask.shape, partial(_flip, image, reference, mask, reduction))
         for mode, seen in ranges.items():
-            seen.append(
-                flip[mask][::step] if mode == "flip" else error(mode, image[mask][::step], reference[mask][::step])
-            )
+            values = flip[mask] if mode == "flip" else error(mode, image[mask], reference[mask])
+            seen.append(values[::step].astype(np.float64))
         yield _entry(cell, metric) | {"colour": style.shade(hues[str(cell.row["method"])])}, _halves(image, flip)
 
 
