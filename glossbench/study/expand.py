@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from glossbench.brdf.measured_file import material_or_file
 from glossbench.catalog.locate import locate
-from glossbench.envmap.lights.light import file_or_name
+from glossbench.envmap.lights.file_light import file_or_name
 from glossbench.errors import InputError, nearest
 from glossbench.metrics import METRICS, Metric
 from glossbench.options import Options, check, option_names, schema_of

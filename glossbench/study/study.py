@@ -16,7 +16,8 @@ import torch
 from glossbench.brdf.material import Material
 from glossbench.catalog.locate import locate
 from glossbench.columns import COLUMNS
-from glossbench.envmap.lights.light import FileLight, Light, light_named
+from glossbench.envmap.lights.file_light import FileLight, light_named
+from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError, nearest
 from glossbench.metrics import METRICS, Metric
 from glossbench.metrics.metric import column_names

@@ -21,8 +21,8 @@ METHODS = {
 
 @cache
 def method_images(material):
-    """Truth (P, 3), each method's image and n . wo (P,) of the pixels of a sphere of 32 by 32."""
-    light, view = Gradient(resolution=32).cubemap(), Sphere(resolution=32)
+    """Truth (P, 3), each method's image and n . wo (P,) of the pixels of a sphere of 16 by 16."""
+    light, view = Gradient(resolution=32).cubemap(), Sphere(resolution=16)
     truth = compute_reference(light, material, view, relative_error=2e-3)
     images = {
         name: shade(method, light, material, view, time_it=False).radiance[truth.mask].double()

@@ -1,5 +1,6 @@
 """Rays against brute force, and references with visibility against closed forms."""
 
+from functools import cache
 from math import atan2, cos, pi, sin, sqrt
 
 import numpy as np
@@ -386,6 +387,11 @@ def run(folder, seed=0, **options):
     return compute_reference(rough, material, view, 1e-9, max_samples=4096, seed=seed, checkpoint=folder, **options)
 
 
+@cache
+def unbroken(seed=0):
+    return run(None, seed)
+
+
 def killed_after(n_saves, folder, monkeypatch, **options):
     right, saved = checkpoint_module.Checkpoint.save, []
 
@@ -404,7 +410,7 @@ def killed_after(n_saves, folder, monkeypatch, **options):
 
 @pytest.mark.parametrize("n_saves", [1, 16, 23, 47, 48])
 def test_a_killed_reference_goes_on_to_the_same_bytes(n_saves, tmp_path, monkeypatch):
-    whole = run(None)
+    whole = unbroken()
     killed_after(n_saves, tmp_path, monkeypatch)
     rounds, right = [], ground_truth._round
     monkeypatch.setattr(ground_truth, "_round", lambda *a: rounds.append(1) or right(*a))
@@ -424,10 +430,10 @@ def test_sums_of_another_seed_scene_or_source_are_not_taken_up(tmp_path, monkeyp
 
     other = run(tmp_path, seed=1)
 
-    assert (other.radiance == run(None, seed=1).radiance).all()
+    assert (other.radiance == unbroken(1).radiance).all()
     assert len(list(tmp_path.iterdir())) == 1
     monkeypatch.setattr(checkpoint_module, "code_hash", lambda *modules: "another version")
-    assert (run(tmp_path).radiance == run(None).radiance).all()
+    assert (run(tmp_path).radiance == unbroken().radiance).all()
     assert len(list(tmp_path.iterdir())) == 1
 
 
@@ -436,7 +442,7 @@ def test_a_broken_checkpoint_is_begun_anew(tmp_path, monkeypatch):
     (path,) = tmp_path.iterdir()
     path.write_bytes(path.read_bytes()[:100])
 
-    assert (run(tmp_path).radiance == run(None).radiance).all()
+    assert (run(tmp_path).radiance == unbroken().radiance).all()
 
 
 def test_resuming_test_notices_sums_that_are_lost(tmp_path, monkeypatch):
@@ -446,4 +452,4 @@ def test_resuming_test_notices_sums_that_are_lost(tmp_path, monkeypatch):
         done, sums = stored["done"], stored["sums"] * 0
     np.savez(path, sums=sums, done=done)
 
-    assert (run(tmp_path).radiance != run(None).radiance).any()
+    assert (run(tmp_path).radiance != unbroken().radiance).any()

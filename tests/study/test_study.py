@@ -16,7 +16,8 @@ import yaml
 from pydantic import Field
 
 from glossbench.brdf.material import MATERIALS, Material
-from glossbench.envmap.lights.light import LIGHTS, FileLight, Light
+from glossbench.envmap.lights.file_light import FileLight
+from glossbench.envmap.lights.light import LIGHTS, Light
 from glossbench.errors import InputError
 from glossbench.options import Color, Fraction, Resolution, Widths
 from glossbench.scene.points import VIEWS, View
