@@ -132,9 +132,6 @@ class CellRecord:
     shade_seconds: Annotated[
         float, about("cost", "shading time", unit="ms", scale=1e3, group="shade", short="shade ms")
     ] = NAN
-    sample_seconds: Annotated[
-        float, about("cost", "shading time per light sample", unit="ms", scale=1e3, group="shade", short="ms/sample")
-    ] = NAN
     shade_seconds_low: Annotated[
         float, about("provenance", "shading time, fastest run", unit="ms", scale=1e3, group="shade")
     ] = NAN

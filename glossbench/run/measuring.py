@@ -86,7 +86,6 @@ def measure(
         at_noise_floor=compared["rms"][0] < 2 * truth.noise, is_random=bool(method.is_random),
         n_samples=costs.n_samples, state_bytes=costs.state_bytes,
         stage_seconds=dict(costs.stage_seconds), update_seconds=dict(costs.update_seconds),
-        sample_seconds=costs.shade.median / max(costs.n_samples, 1),
         shade_seconds=costs.shade.median, shade_seconds_low=costs.shade.low, shade_seconds_high=costs.shade.high,
         shade_runs=costs.shade.runs, busy=costs.shade.busy,
     )  # fmt: skip
