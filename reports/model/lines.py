@@ -174,7 +174,8 @@ def _interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] 
     if not is_log:
         return value - half, value + half
     size = np.abs(value)
-    factor = np.exp(np.divide(half, size, out=np.zeros_like(half), where=size > 0))
+    ratio = np.divide(half, size, out=np.zeros_like(half), where=size > 0)
+    factor = np.exp(np.minimum(ratio, 30.0))  # which is beyond every axis
     return size / factor, size * factor
 
 

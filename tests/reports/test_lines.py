@@ -71,6 +71,17 @@ def test_under_one_light_the_interval_of_a_line_is_the_interval_of_its_cells_by_
     assert np.log(first.interval[1] / first.errors) == pytest.approx([half] * 3, rel=1e-5)
 
 
+def test_an_interval_far_wider_than_its_number_is_finite():
+    given = rows([1])
+    for row in given:
+        row["left_out"] = {"rms": [row["rms"], *[-999 * row["rms"], 1001 * row["rms"]] * 4]}
+
+    [first, *_] = measured_at(places(given)[0], "rms")
+
+    assert np.isfinite(first.interval).all()
+    assert (first.interval[0] > 0).all()
+
+
 def test_the_band_over_lights_is_the_t_interval_of_the_mean_of_log_error():
     check_band(measured_at(mean_of([0.5, 1, 2, 3]), "rms"))
 
