@@ -79,7 +79,8 @@ def __dir__() -> list[str]:
 
 def light(name: str | os.PathLike[str], **options: Any) -> "CubeMap":
     """The radiance of a light: a registered name ("spots"), one of the catalogue ("grace_cross"), or an image file."""
-    from glossbench.envmap.lights.light import LIGHTS, light_named
+    from glossbench.envmap.lights.file_light import light_named
+    from glossbench.envmap.lights.light import LIGHTS
     from glossbench.process.surroundings import settled
 
     with settled():

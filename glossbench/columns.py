@@ -6,7 +6,7 @@ columns of the study's metrics, for a reader that has another version or not the
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -18,6 +18,7 @@ Role = Literal[
 ]  # fmt: skip
 NAN = float("nan")
 OLD_BUDGET = "samples"  # of results from before there was a column for it
+CONDITIONS = ("light", "material", "view")  # what the cells that are compared share
 _TYPES: Mapping[str, type] = {each.__name__: each for each in (str, int, float, bool, dict, list)}
 
 
@@ -35,6 +36,8 @@ class Column:
         group: what belongs together in a table or plot; "" alone.
         lower_is_better: of an error, a cost or a count; of a signed one, for its absolute value.
         signed: its values have both signs.
+        adds_up: of a dict of numbers, the sum says something.
+        short: its heading in the terminal's table, which is narrow; "" where it is not there.
     """
 
     name: str
@@ -46,6 +49,8 @@ class Column:
     group: str = ""
     lower_is_better: bool = True
     signed: bool = False
+    adds_up: bool = False
+    short: str = ""
 
     @property
     def is_json(self) -> bool:
@@ -61,6 +66,10 @@ class Column:
     def part(self, name: str) -> "Column":
         """The column of one number of a dict of numbers: `update_seconds.light`."""
         return replace(self, name=f"{self.name}.{name}", type=float, title=f"{self.title}: {name}")
+
+    def in_brief(self, value: Any) -> str:
+        """A value as the terminal's table has it, in the unit that people read."""
+        return f"{self.scale * value:.4g}" if self.type is float else str(value)
 
     def as_dict(self) -> dict[str, Any]:
         """What `columns.json` keeps of it: all that is not as usual."""
@@ -111,16 +120,18 @@ class CellRecord:
     reference_samples: Annotated[int, about("reference", "samples per pixel of the reference")] = 0
     at_noise_floor: Annotated[bool, about("reference", "RMS error below twice the reference's noise")] = False
     is_random: Annotated[bool, about("method", "its points are random")] = False
-    n_samples: Annotated[int, about("count", "light samples per pixel")] = 0
+    n_samples: Annotated[int, about("count", "light samples per pixel", short="samples")] = 0
     budget: Annotated[str, about("method", "option that is the budget")] = ""
-    stage_seconds: Annotated[dict[str, float], about("cost", "stages", unit="ms", scale=1e3)] = field(
+    stage_seconds: Annotated[dict[str, float], about("cost", "stages", unit="ms", scale=1e3, adds_up=True)] = field(
         default_factory=dict
     )
     update_seconds: Annotated[dict[str, float], about("cost", "update", unit="ms", scale=1e3)] = field(
         default_factory=dict
     )
     state_bytes: Annotated[int, about("cost", "state in memory", unit="MB", scale=1e-6)] = 0
-    shade_seconds: Annotated[float, about("cost", "shading time", unit="ms", scale=1e3, group="shade")] = NAN
+    shade_seconds: Annotated[
+        float, about("cost", "shading time", unit="ms", scale=1e3, group="shade", short="shade ms")
+    ] = NAN
     shade_seconds_low: Annotated[
         float, about("provenance", "shading time, fastest run", unit="ms", scale=1e3, group="shade")
     ] = NAN
@@ -171,5 +182,34 @@ def _declared() -> dict[str, Column]:
 
 # Of a whole table, also the names of light, material and view, with the options that tell them from the others there.
 COLUMNS: Mapping[str, Column] = _declared() | {
-    f"{kind}_name": Column(f"{kind}_name", str, role="condition", title=kind) for kind in ("light", "material", "view")
+    f"{kind}_name": Column(f"{kind}_name", str, role="condition", title=kind) for kind in CONDITIONS
 }
+
+
+def is_cost(name: str) -> bool:
+    """Whether a column is a cost or a count, or a part of one, as `update_seconds.light`."""
+    column = COLUMNS.get(name.partition(".")[0])
+    return column is not None and column.role in ("cost", "count")
+
+
+def costs(parts: Mapping[str, Iterable[str]]) -> list[str]:
+    """The names of all costs and counts, and of their parts.
+
+    Args:
+        parts: the names of the parts of a column that has some.
+    """
+    found: list[str] = []
+    for name in filter(is_cost, COLUMNS):
+        found += [name] if COLUMNS[name].adds_up or not COLUMNS[name].is_json else []
+        found += [f"{name}.{part}" for part in parts.get(name, ())]
+    return found
+
+
+def with_parts(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A parsed row in which each cost that has parts is their sum, and each part is a column of its own."""
+    found = dict(row)
+    for name in filter(is_cost, COLUMNS):
+        if COLUMNS[name].is_json:
+            found |= {f"{name}.{part}": value for part, value in row[name].items()}
+            found[name] = float(sum(row[name].values()))
+    return found

@@ -3,7 +3,7 @@
 import dataclasses
 import json
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Self, dataclass_transform, get_type_hints
+from typing import Annotated, Any, ClassVar, Self, TypeVar, dataclass_transform, get_type_hints
 
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
 
@@ -88,6 +88,10 @@ class Options:
         adapters = _adapters(type(self))
         return {key: adapter.dump_python(getattr(self, key), mode="json") for key, adapter in adapters.items()}
 
+    def is_usual(self) -> bool:
+        """Whether every option has its default."""
+        return all(getattr(self, option.name) == option.default for option in dataclasses.fields(self))  # type: ignore[arg-type]
+
     def key(self) -> str:
         """Text that changes whenever what the options mean may change: of a file, its bytes rather than its name."""
         return f"{self.name}:{json.dumps(self.as_dict(), sort_keys=True)}"
@@ -106,6 +110,14 @@ class Options:
     def notes(self) -> tuple[str, ...]:
         """What whoever reads its numbers must know, a sentence each: what a file had repaired, how good a fit is."""
         return ()
+
+
+T = TypeVar("T", bound=Options)
+
+
+def copy_of(item: T) -> T:
+    """Equal options that nobody else holds, and that have read no file yet."""
+    return type(item).create(item.as_dict())
 
 
 def option_names(cls: type[Options]) -> tuple[str, ...]:

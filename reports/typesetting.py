@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from glossbench.errors import InputError
 from glossbench.strict_json import dumps
 
-from .figures import RC, style
+from .style import RC, style
 
-TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATES = Path(__file__).parent / "print" / "templates"
 LONGEST = 64  # characters without a space; in a longer word a line may break
 PIECE = 16  # after so many characters
 Format = Literal["pdf", "png", "svg"]

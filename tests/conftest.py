@@ -39,10 +39,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="module", autouse=True)
 def _registries_as_they_were():
     """What a module's tests register is gone when the next module's begin."""
-    from glossbench.commands.info import registries  # late, as it imports torch
+    from glossbench.study.registries import REGISTRIES  # late, as it imports torch
 
     with ExitStack() as stack:
-        for registry in registries().values():
+        for registry in REGISTRIES.values():
             stack.enter_context(registry.isolated())
         yield
 

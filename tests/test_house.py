@@ -105,24 +105,24 @@ def test_the_walk_sees_every_room():
 
     assert {room(name) for name in names if side(name) == "glossbench"} == set(ROOMS)
     assert {"glossbench", "glossbench.shading.method", "glossbench.envmap.cubemap"} <= names
-    assert {"glossbench.methods.regular_sampling", "glossbench.reports.html"} <= names
+    assert {"glossbench.methods.regular_sampling", "glossbench.reports.page.html"} <= names
 
 
-METHOD, REPORT = "glossbench.methods.new_method", "glossbench.reports.pdf"
+METHOD, REPORT = "glossbench.methods.new_method", "glossbench.reports.print.pdf"
 RUNNER, CUBEMAP = "glossbench.run.runner", "glossbench.envmap.cubemap"
 FAULTS = [
     (RUNNER, "import glossbench.methods.regular_sampling"),
     (RUNNER, "from glossbench.methods import regular_sampling"),
     (RUNNER, "from glossbench.methods.regular_sampling import RegularSampling as R"),
     (RUNNER, "def run():\n    from glossbench import reports"),
-    (RUNNER, "if True:\n    import glossbench.reports.html as html"),
+    (RUNNER, "if True:\n    import glossbench.reports.page.html as html"),
     (RUNNER, "from ..methods import regular_sampling"),
     (RUNNER, "from .. import reports"),
-    (RUNNER, 'importlib.import_module("glossbench.reports.html")'),
+    (RUNNER, 'importlib.import_module("glossbench.reports.page.html")'),
     (RUNNER, "from glossbench.commands.printing import count"),
     (RUNNER, "import glossbench"),
     (RUNNER, "from glossbench import shade"),
-    (CUBEMAP, "from ..reports.html import write_report"),
+    (CUBEMAP, "from ..reports.page.html import write_report"),
     (CUBEMAP, "from glossbench.brdf.material import Material"),
     (CUBEMAP, "from glossbench.brdf import material"),
     (CUBEMAP, "import glossbench.shading.method"),
@@ -131,14 +131,14 @@ FAULTS = [
     ("glossbench.truth.reference", "from glossbench.prefilter import pyramid"),
     (METHOD, "from glossbench.methods.importance_sampling import ImportanceSampling"),
     (METHOD, "from .importance_sampling import ImportanceSampling"),
-    (METHOD, "from glossbench.reports import figures"),
-    (METHOD, "import glossbench.reports.html"),
+    (METHOD, "from glossbench.reports import style"),
+    (METHOD, "import glossbench.reports.page.html"),
     (METHOD, "from glossbench.envmap.pyramid import lookup"),
     (METHOD, "from glossbench import Method"),
     (METHOD, "from glossbench.prefilter.stages import pyramid"),
     (REPORT, "from glossbench.methods.importance_sampling import ImportanceSampling"),
     (REPORT, "from glossbench import methods"),
-    (REPORT, "from ..methods import regular_sampling"),
+    (REPORT, "from ...methods import regular_sampling"),
     (REPORT, "from glossbench.commands.printing import count"),
 ]
 
@@ -158,8 +158,8 @@ ALLOWED = [
     ("glossbench.methods.folder.factors", "from .rows import rows"),
     ("glossbench.methods.folder.factors", "from glossbench.methods.folder import rows"),
     (REPORT, "from glossbench.run.results import Results"),
-    (REPORT, "from glossbench.reports.figures import tone_map"),
-    (REPORT, "from .figures import tone_map"),
+    (REPORT, "from glossbench.reports.style import tone_map"),
+    (REPORT, "from ..style import tone_map"),
 ]
 
 

@@ -12,7 +12,7 @@ import pytest
 from glossbench import memory
 from glossbench.envmap.formats import dds, hdr, pfm
 from glossbench.envmap.formats.files import read_file
-from glossbench.envmap.lights.light import light_named
+from glossbench.envmap.lights.file_light import light_named
 from glossbench.errors import InputError
 from glossbench.memory import available, check_memory
 from glossbench.scene.mesh_view import MeshView

@@ -10,7 +10,14 @@ from glossbench.catalog.entries import entries
 from glossbench.study.installed import study_files
 
 _REGISTERED = re.compile(r'^@([A-Z]+)S\.register\("(\w+)"\)', re.MULTILINE)
-_GROUPS = {"method": "methods", "material": "brdfs", "light": "lights", "view": "views", "metric": "metrics"}
+_GROUPS = {
+    "figure": "figures",
+    "method": "methods",
+    "material": "brdfs",
+    "light": "lights",
+    "view": "views",
+    "metric": "metrics",
+}
 
 
 def registered(kind: str | None = None) -> list[str]:
@@ -18,10 +25,11 @@ def registered(kind: str | None = None) -> list[str]:
 
     Of an entry point the name is read, not what its module registers: a method's file is named as the method is.
     """
-    packages = [Path(str(files(package))) for package in ("glossbench", "glossbench.methods")]
+    names = ("glossbench.reports",) if kind == "figure" else ("glossbench", "glossbench.methods")
+    packages = [Path(str(files(package))) for package in names]
     sources = [path.read_text(encoding="utf-8") for package in packages for path in package.rglob("*.py")]
     found = {name for text in sources for of, name in _REGISTERED.findall(text) if kind in (None, of.lower())}
-    for of in (kind,) if kind else _GROUPS:
+    for of in (kind,) if kind else set(_GROUPS) - {"figure"}:
         found |= entry_points(group=f"glossbench.{_GROUPS[of]}").names
     return sorted(found)
 
@@ -37,5 +45,5 @@ lights = beginning(lambda: sorted({*registered("light"), *(e.name for e in entri
 catalogue = beginning(lambda: [entry.name for entry in entries()])
 results = beginning(lambda: sorted(str(path.parent) for path in Path("results").glob("*/cells.parquet")))
 reports = beginning(lambda: sorted(entry_points(group="glossbench.reports").names))
-figures = beginning(lambda: sorted(entry_points(group="glossbench.figures").names))
+figures = beginning(lambda: registered("figure"))
 everything = beginning(lambda: sorted({*registered(), *study_files(), *(entry.name for entry in entries())}))

@@ -1,17 +1,14 @@
 """`glossbench figure`: one figure of results as a file of its own."""
 
-from collections.abc import Callable
-from importlib.metadata import entry_points
-from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from glossbench.commands.completion import figures as figure_names
 from glossbench.commands.completion import results as result_folders
 from glossbench.commands.printing import note, print_rows, say
-from glossbench.documentation import documentation
+from glossbench.documentation import first_line
 from glossbench.errors import InputError, nearest
 
 
@@ -37,31 +34,27 @@ def figure(
     ] = None,
 ) -> None:
     """Write a single figure of results."""
+    from glossbench.run.figures import FIGURES
     from glossbench.run.results import Results
 
-    figures = registered_figures()
     opened = Results.open(results)
     if name is None:
-        print_rows({key: documentation(draw).partition("\n")[0] for key, draw in figures.items()})
+        print_rows({key: first_line(FIGURES.get(key)) for key in FIGURES.names()})
         return
-    if name not in figures:
-        raise InputError(f"no figure is called {name!r}{nearest(name, figures)}")
+    if name not in FIGURES.names():
+        raise InputError(f"no figure is called {name!r}{nearest(name, FIGURES.names())}")
+    drawn = FIGURES.get(name)()
     given = {"group": group, "metric": metric, "over": over, "crop": [_window(text) for text in crop or ()] or None}
     told = {option: value for option, value in given.items() if value is not None}
-    if not_taken := sorted(set(told) - set(signature(figures[name]).parameters)):
+    if not_taken := sorted(set(told) - set(drawn.options)):
         raise InputError(f"the figure {name} takes no --{not_taken[0]}")
     for remark in opened.remarks(opened.cells):
         note(remark)
     if output is None:
         opened.disk.own(f"{name}.pdf")
     path = output or opened.disk.path(f"{name}.pdf")
-    figures[name](opened.folder, path, **told)
+    drawn.write(opened, path, **told)
     say(f"figure: {path}")
-
-
-def registered_figures() -> dict[str, Callable[..., Any]]:
-    """The figures of the entry-point group `glossbench.figures`: functions (folder, path, options by name)."""
-    return {point.name: point.load() for point in entry_points(group="glossbench.figures")}
 
 
 def _window(text: str) -> tuple[int, ...]:

@@ -46,7 +46,7 @@ def light(
     from glossbench.commands.picture import half_blocks, picture, write_png
     from glossbench.envmap.formats.decoded import Covering
     from glossbench.envmap.formats.exr import check_exr_name, write_exr
-    from glossbench.envmap.lights.light import light_named
+    from glossbench.envmap.lights.file_light import light_named
     from glossbench.envmap.projections.conversion import check_written, from_cubemap
 
     if output is None and (written, written_axes) != ("lat_long", "forward"):

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 from rich.text import Text
 
-from glossbench.columns import parsed
+from glossbench.columns import COLUMNS, CONDITIONS, parsed
 from glossbench.commands.consoles import Console, one_line
-from glossbench.study.labels import KINDS, identity, listed, names_of, told_apart
+from glossbench.study.labels import identity, names_of, told_apart, with_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,21 +73,25 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     from glossbench.findings.legends import explain_table  # late, as it imports torch
 
     rows = [parsed(row) for row in cells.to_dict("records")]
-    names = {kind: names_of(kind, rows) for kind in KINDS}
-    kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
+    names = {kind: names_of(kind, rows) for kind in CONDITIONS}
+    kinds = [kind for kind in CONDITIONS if kind != "view" or len(names[kind]) > 1]
     methods = _method_names(rows)
     table = Table(box=None, pad_edge=False)
     for heading in (*kinds, "method"):
         table.add_column(heading)
-    for heading in ("samples", *metrics, "shade ms"):
+    brief = {name: column for name, column in COLUMNS.items() if column.short}
+    before, after = (
+        [name for name in brief if (brief[name].role == "count") is is_count] for is_count in (True, False)
+    )
+    for heading in (*(brief[name].short for name in before), *metrics, *(brief[name].short for name in after)):
         table.add_column(heading, justify="right")
     for row, method in list(zip(rows, methods, strict=True))[:MAX_ROWS]:
         named = [Text(name) for name in (*(names[kind][identity(kind, row)] for kind in kinds), method)]
         if row["status"] != "done":
             table.add_row(*named, row["status"])
             continue
-        numbers = [_error(row, name) for name in metrics]
-        table.add_row(*named, str(row["n_samples"]), *numbers, f"{1000 * row['shade_seconds']:.1f}")
+        counts, costs = ([brief[name].in_brief(row[name]) for name in names] for names in (before, after))
+        table.add_row(*named, *counts, *(_error(row, name) for name in metrics), *costs)
     # Numbers that a narrow window, or a file, would cut are of no use.
     needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
     Console(width=max(needed, out.width)).print(table, soft_wrap=True)
@@ -125,16 +129,16 @@ def print_words(said: dict[str, str]) -> None:
 
 def _method_names(rows: list[dict[str, Any]], over: str | None = None) -> list[str]:
     """Of each row the method, with the options that tell it from others, what an option `over` decides left out."""
-    texts = [listed(options) for _, options in told_apart(rows, over)]
-    return [f"{row['method']} ({text})" if text else row["method"] for row, text in zip(rows, texts, strict=True)]
+    texts = (options for _, options in told_apart(rows, over))
+    return [with_options(row["method"], own) for row, own in zip(rows, texts, strict=True)]
 
 
 def print_plan(cells: "Sequence[Cell]", statuses: "Sequence[str]") -> None:
     """What a run would make, a line a cell: what is on disk of it, and the names that tell it from the others."""
     rows = [parsed(cell.record(status="new").row()) for cell in cells]
-    names = {kind: names_of(kind, rows) for kind in KINDS}
+    names = {kind: names_of(kind, rows) for kind in CONDITIONS}
     columns = [list(statuses)]
-    kinds = [kind for kind in KINDS if kind != "view" or len(names[kind]) > 1]
+    kinds = [kind for kind in CONDITIONS if kind != "view" or len(names[kind]) > 1]
     columns += [[names[kind][identity(kind, row)] for row in rows] for kind in kinds]
     columns += [_method_names(rows, over="")]
     widths = [max(map(len, column)) for column in columns]

@@ -96,7 +96,7 @@ def run(
     except KeyboardInterrupt:
         err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
         raise typer.Exit(130) from None
-    print_table(results.cells, list(loaded.metrics))
+    print_table(results.cells, loaded.metric_columns)
     warn_of_noise(results.cells)
     warn_of_times(results.cells)
     print_notes(results.cells)

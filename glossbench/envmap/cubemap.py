@@ -26,7 +26,7 @@ from torch import Tensor
 
 from glossbench.directions import Vec3, normalize, stack
 from glossbench.errors import InputError
-from glossbench.shapes import Directions, Faces, Irradiance, PointDirections, Values
+from glossbench.shapes import Directions, Irradiance, PointDirections, Values
 
 _TEXELS = 2**20  # at a time
 _NORMALS = torch.tensor([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]).float()
@@ -46,7 +46,7 @@ class CubeMap:
         key: what the light is, as text: a hash of the file or the options that made it; unique where nothing is given.
     """
 
-    faces: Faces
+    faces: Tensor  # not Faces: a wrong shape is a user's, and refused below
     key: str = field(default_factory=lambda: f"unnamed {uuid4().hex}")
 
     def __post_init__(self) -> None:

@@ -1,31 +1,52 @@
 """The table of columns of a study's results: those of every cell, and one for each of its metrics."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from glossbench.columns import COLUMNS, Column
 from glossbench.errors import InputError
-from glossbench.metrics import METRICS, Metric
+from glossbench.metrics import METRICS
+from glossbench.metrics.metric import column_names
+from glossbench.study.labels import with_options
 
-__all__ = ["COLUMNS", "Column", "column_of_metric", "columns_from_json", "columns_of", "columns_to_json"]
+__all__ = [
+    "COLUMNS",
+    "Column",
+    "column_of_metric",
+    "columns_from_json",
+    "columns_of",
+    "columns_to_json",
+    "metric_columns",
+]
 
 
-def column_of_metric(metric: str | type[Metric]) -> Column:
-    """The column of a metric; of a name that is not installed, one that says no more than the name."""
-    if isinstance(metric, str):
-        if metric not in METRICS.names():
-            return Column(metric, float, role="error", title=metric)
-        metric = METRICS.get(metric)
+def column_of_metric(name: str, options: Mapping[str, Any] | None = None, called: str = "") -> Column:
+    """The column of a metric; of one that is not installed it says no more than the name.
+
+    Args:
+        options: as a study states them; none where all have their defaults.
+        called: the column's name, where that is not the metric's.
+    """
+    column = Column(called or name, float, role="error", title=called or with_options(name, options or {}))
+    registered = name.partition(" (")[0]  # a column may have options in brackets
+    if registered not in METRICS.names():
+        return column
+    metric = METRICS.get(registered)
     unit = "" if metric.unit == "1" else metric.unit
-    return Column(
-        metric.name, float, unit, role="error", title=metric.name, lower_is_better=metric.lower_is_better,
-        signed=metric.signed,
-    )  # fmt: skip
+    return replace(column, unit=unit, lower_is_better=metric.lower_is_better, signed=metric.signed)
 
 
-def columns_of(metrics: Iterable[str | type[Metric]]) -> dict[str, Column]:
-    """The columns of results with these metrics, by name; the RMS error is always measured."""
-    own = [column_of_metric(metric) for metric in [*metrics, "rms"]]
+def metric_columns(metrics: Iterable[Any]) -> list[Column]:
+    """The columns of the metrics that a resolved study states, each a name or {name: options}."""
+    stated = [(each, {}) if isinstance(each, str) else next(iter(each.items())) for each in metrics]
+    named = zip(stated, column_names(stated), strict=True)
+    return [column_of_metric(name, options, called if called != name else "") for (name, options), called in named]
+
+
+def columns_of(metrics: Iterable[Any]) -> dict[str, Column]:
+    """The columns of results with the metrics that a resolved study states; the RMS error is always measured."""
+    own = [*metric_columns(metrics), column_of_metric("rms")]
     return dict(COLUMNS) | {column.name: column for column in own}
 
 

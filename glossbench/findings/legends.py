@@ -4,9 +4,10 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from glossbench.columns import CONDITIONS
 from glossbench.findings.comparisons import EQUAL, NOISE
 from glossbench.findings.descriptions import Descriptions, describe_options
-from glossbench.study.labels import KINDS, differing, told_apart
+from glossbench.study.labels import differing, told_apart
 from glossbench.study.registries import REGISTRIES
 
 WITHIN_NOISE = (
@@ -64,7 +65,7 @@ def _verdicts(claim: Mapping[str, Any]) -> list[str]:
 def _telling(rows: Sequence[Mapping[str, Any]], with_decided: bool) -> list[tuple[str, str, str]]:
     """(kind, name, option) of all that the names of a table hold, once."""
     found: dict[tuple[str, str, str], None] = {}
-    for kind in KINDS:
+    for kind in CONDITIONS:
         alike: dict[str, list[Mapping[str, Any]]] = {}
         for row in rows:
             alike.setdefault(row[kind], []).append(row[f"{kind}_options"])

@@ -20,7 +20,7 @@ def findings_page(summaries: Sequence[Summary], studies: Collection[str] = (), e
     """
     counts = Counter(str(claim["verdict"]) for summary in summaries for claim in summary.claims)
     total = "; ".join(f"{word}: {count}" for word, count in counts.most_common())
-    words = [f"- *{word}*: {text}" for word, text in explain_verdicts(c for s in summaries for c in s.claims).items()]
+    words = [f"- *{word}*: {text}" for word, text in explain_verdicts([c for s in summaries for c in s.claims]).items()]
     parts = [
         "# Findings",
         "Each claim is a sentence of a paper, or a question, as a checked comparison. `glossbench run STUDY` makes the "

@@ -2,14 +2,14 @@
 
 import json
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import compress
 from typing import Any
 
 import numpy as np
 import pandas
 
-from glossbench.columns import COLUMNS, parsed
+from glossbench.columns import CONDITIONS, is_cost, parsed, with_parts
 from glossbench.findings.comparisons import (
     Case,
     Row,
@@ -22,12 +22,10 @@ from glossbench.findings.comparisons import (
 )
 from glossbench.findings.conclusions import conclude
 from glossbench.findings.estimates import Sample
-from glossbench.metrics import METRICS
 from glossbench.study.cell_index import CellIndex
 from glossbench.study.claim_names import meanings
 from glossbench.study.claims import (
     BUDGET,
-    PLACES,
     SEED,
     Claim,
     LowerClaim,
@@ -42,7 +40,7 @@ from glossbench.study.claims import (
     sides_of,
 )
 from glossbench.study.claims import Side as Stated
-from glossbench.study.labels import as_text, identity, listed, names_of, number_in, stated
+from glossbench.study.labels import as_text, differing, identity, listed, names_of, number_in, stated, with_options
 
 
 def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
@@ -68,18 +66,14 @@ class _Table:
     """The rows of a run, ready to be picked for a claim."""
 
     def __init__(self, records: list[Any]) -> None:
-        self.rows: list[Row] = [parsed(record) for record in records]
+        self.rows: list[Row] = [with_parts(parsed(record)) for record in records]
         for row in self.rows:
             row["options"] = stated(row)  # a tuned value is not one that a claim may ask for
-            for column in ("stage_seconds", "update_seconds"):
-                seconds = row[column]
-                row[column] = float(sum(seconds.values()))
-                row |= {f"{column}.{name}": value for name, value in seconds.items()}
         self._index = CellIndex.of_rows(self.rows)
         self._options: dict[str, set[str]] = {}
         for row in self.rows:
             self._options.setdefault(row["method"], set()).update(row["options"])
-        self._names = {place: names_of(place, self.rows) for place in PLACES}
+        self._names = {place: names_of(place, self.rows) for place in CONDITIONS}
 
     def judged(self, claim: Claim) -> dict[str, Any]:
         notes: Counter[str] = Counter()
@@ -103,7 +97,7 @@ class _Table:
             case ValueClaim():
                 quantity = f"{claim.of} of {sides[0]}"
                 rows = _over_seeds(picked[0])
-                varying = _varying(row["options"] for row in rows)
+                varying = differing([row["options"] for row in rows])
                 for row in rows:
                     where = _listed([self._place(row), _shown(row, varying)])
                     cases.append(value_case(claim, row["side"], where))
@@ -128,7 +122,7 @@ class _Table:
                 notes[f"cells without a finite {column}"] += 1
             else:
                 picked.append({**row, column: value, "side": _side_of(row, column, value)})
-                notes["cells without a measured noise"] += _is_metric(column) and column not in row["left_out"]
+                notes["cells without a measured noise"] += not is_cost(column) and column not in row["left_out"]
         return picked
 
     def _pairs(
@@ -139,8 +133,8 @@ class _Table:
         budgets = {row["budget"] for rows in picked for row in rows}
         keys, places = pairing(claim, shared, budgets)
         first, second = ([*rows] if SEED in keys else _over_seeds(rows) for rows in picked)
-        varying = [_varying(row["options"] for row in rows) for rows in (first, second)]
-        stated = [place for place in PLACES if place not in places]
+        varying = [differing([row["options"] for row in rows]) for rows in (first, second)]
+        stated = [place for place in CONDITIONS if place not in places]
         partners: dict[str, list[Row]] = {}
         for b in second:
             partners.setdefault(_key(b, keys, places), []).append(b)
@@ -149,7 +143,7 @@ class _Table:
             notes["cells without a partner"] += not found
             for b in found:
                 sides = zip((a, b), varying, strict=True)
-                told = [_shown(row, [key for key in differing if key not in keys]) for row, differing in sides]
+                told = [_shown(row, [key for key in own if key not in keys]) for row, own in sides]
                 told = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), told, strict=True)]
                 if a.get("n_samples") != b.get("n_samples"):  # a pattern may not meet the budget
                     told = [
@@ -161,19 +155,19 @@ class _Table:
 
     def _slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
         held = {"method": {key for row in rows for key in row["options"]}}
-        held |= {place: {key for row in rows for key in row[f"{place}_options"]} for place in PLACES}
+        held |= {place: {key for row in rows for key in row[f"{place}_options"]} for place in CONDITIONS}
         of, option = next(iter(meanings(claim.over, held)), ("method", claim.over))
-        without = {place: option if place == of else "" for place in PLACES}
-        names = {place: names_of(place, self.rows, without[place]) for place in PLACES}
+        without = {place: option if place == of else "" for place in CONDITIONS}
+        names = {place: names_of(place, self.rows, without[place]) for place in CONDITIONS}
         places: dict[str, list[Row]] = {}
         for row in rows:
             budget = number_in(row["options" if of == "method" else f"{of}_options"].get(option))
-            if (row.get("at_noise_floor") and claim.metric in METRICS.names()) or row[claim.metric] == 0:
+            if (row.get("at_noise_floor") and not is_cost(claim.metric)) or row[claim.metric] == 0:
                 notes["cells at the noise floor"] += 1
             elif budget is None or budget <= 0:
                 notes[f"cells without a positive {claim.over}"] += 1
             else:
-                place = [identity(place, row, without[place]) for place in PLACES]
+                place = [identity(place, row, without[place]) for place in CONDITIONS]
                 places.setdefault(json.dumps(place), []).append({**row, "over": budget})
         for members in places.values():
             for group, own in _curves(members if option == SEED else _over_seeds(members)):
@@ -181,21 +175,15 @@ class _Table:
                 if len(set(x)) < 3:
                     notes["curves of fewer than 3 points"] += 1
                     continue
-                called = [names[place][identity(place, group[0], without[place])] for place in PLACES]
+                called = [names[place][identity(place, group[0], without[place])] for place in CONDITIONS]
                 yield slope_case(claim, x, [row["side"] for row in group], _listed([*called, own]))
 
-    def _place(self, row: Row, places: Collection[str] = PLACES) -> str:
-        return _listed([self._names[place][identity(place, row)] for place in PLACES if place in places])
-
-
-def _is_metric(column: str) -> bool:
-    """Whether a column is of a metric; all others are declared, and those of one stage or update begin as they do."""
-    return column.partition(".")[0] not in COLUMNS
+    def _place(self, row: Row, places: Collection[str] = CONDITIONS) -> str:
+        return _listed([self._names[place][identity(place, row)] for place in CONDITIONS if place in places])
 
 
 def _spelled(side: Stated) -> str:
-    told = listed(options_of(side) | places_of(side))
-    return f"{method_of(side)} ({told})" if told else method_of(side)
+    return with_options(method_of(side), options_of(side) | places_of(side))
 
 
 def _listed(parts: list[str]) -> str:
@@ -206,16 +194,7 @@ def _shown(row: Row, keys: Collection[str]) -> str:
     return listed({key: row["options"].get(key) for key in keys if key != BUDGET})
 
 
-def _varying(options: Iterable[Mapping[str, Any]]) -> list[str]:
-    """The options that differ among some dictionaries of options: they tell cases apart."""
-    seen: dict[str, set[str]] = {}
-    for one in options:
-        for key, value in one.items():
-            seen.setdefault(key, set()).add(json.dumps(value))
-    return [key for key, values in seen.items() if len(values) > 1]
-
-
-def _key(row: Row, options: Collection[str], places: Collection[str] = PLACES) -> str:
+def _key(row: Row, options: Collection[str], places: Collection[str] = CONDITIONS) -> str:
     """What a cell is about, and some of its method's options, as text."""
     about = [(row[place], row[f"{place}_options"]) for place in places]
     values = [row["options"].get(row["budget"] if key == BUDGET else key) for key in options]
@@ -253,11 +232,11 @@ def _curves(rows: list[Row]) -> list[tuple[list[Row], str]]:
     points: dict[float, list[Row]] = {}
     for row in rows:
         points.setdefault(row["over"], []).append(row)
-    differing = {key for same in points.values() for key in _varying(row["options"] for row in same)}
-    if not differing:
+    telling = {key for same in points.values() for key in differing([row["options"] for row in same])}
+    if not telling:
         return [(rows, "")]
-    groups = {key: {json.dumps(row["options"].get(key)): row for row in rows} for key in differing}
-    key = min(sorted(differing), key=lambda k: len(groups[k]))
+    groups = {key: {json.dumps(row["options"].get(key)): row for row in rows} for key in telling}
+    key = min(sorted(telling), key=lambda k: len(groups[k]))
     curves = []
     for value in groups[key]:
         part = [row for row in rows if json.dumps(row["options"].get(key)) == value]

@@ -1,6 +1,8 @@
 """What a metric is: an error map, and the number that sums it up."""
 
-from typing import ClassVar, Protocol, runtime_checkable
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -76,6 +78,17 @@ class Metric(Options):
     def pooled(self, errors: Errors) -> float:
         """The number, from the errors of the masked pixels."""
         return float(np.mean(errors))
+
+
+def column_names(metrics: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
+    """The columns of some metrics, each by name and options: the name, or of two of one name "mrse (epsilon 0.1)"."""
+    found = []
+    for name, options in metrics:
+        same = [other for each, other in metrics if each == name]
+        told = [f"{key} {json.dumps(value)}" for key, value in options.items()
+                if any(other.get(key) != value for other in same)]  # fmt: skip
+        found.append(f"{name} ({', '.join(told)})" if told else name)
+    return found
 
 
 METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench.metrics", kind_in_catalog)

@@ -1,13 +1,13 @@
 """What a cell is made of: a material, view and method of its own, and what its key says of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 from glossbench.brdf.material import Material
 from glossbench.errors import MethodError
-from glossbench.metrics import METRICS
-from glossbench.options import Options
+from glossbench.metrics import METRICS, Metric
+from glossbench.options import copy_of
 from glossbench.process.state import is_foreign
 from glossbench.provenance import source_hash
 from glossbench.run.study_lights import Changed
@@ -15,8 +15,6 @@ from glossbench.scene.points import View
 from glossbench.shading.method import Method
 from glossbench.shading.outputs import key_text
 from glossbench.study.cells import Cell
-
-T = TypeVar("T", bound=Options)
 
 
 @dataclass(frozen=True)
@@ -55,39 +53,41 @@ class Made:
 
 
 class Sources:
-    """The source of all that takes part in cells, hashed once a run."""
+    """The source of all that takes part in cells, hashed once a run.
 
-    def __init__(self, metrics: Sequence[str]) -> None:
-        self._metrics = metrics
+    Args:
+        metrics: all that are measured, by column.
+    """
+
+    def __init__(self, metrics: Mapping[str, Metric]) -> None:
+        self._metrics = {column: (type(metric), metric.as_dict()) for column, metric in metrics.items()}
         self._known: dict[type, str] = {}
 
     def of(self, cell: Cell) -> dict[str, Any]:
-        """By kind the hash of the classes of a cell, those of the metrics by name."""
+        """By kind the hash of the classes of a cell, those of the metrics by column, with their options."""
         light, material, view, method = map(self._hash, _classes(cell))
-        metrics = [[name, self._hash(METRICS.get(name))] for name in self._metrics_of(cell)]
+        metrics = [[column, options, self._hash(cls)] for column, (cls, options) in self._metrics_of(cell).items()]
         return {"light": light, "material": material, "view": view, "method": method, "metrics": metrics}
 
     def any_foreign(self, cell: Cell) -> bool:
         """Whether plug-ins take part in a cell."""
-        return any(map(is_foreign, [*_classes(cell), *map(METRICS.get, self._metrics_of(cell))]))
+        return any(map(is_foreign, [*_classes(cell), *(cls for cls, _ in self._metrics_of(cell).values())]))
 
     def foreign_inputs(self, cell: Cell) -> bool:
         """Whether the light, material or view is a plug-in's."""
         return any(map(is_foreign, _classes(cell)[:3]))
 
-    def _metrics_of(self, cell: Cell) -> tuple[str, ...]:
-        """The study's metrics, rms, which is always measured, and that by which the cell is tuned."""
-        return tuple(dict.fromkeys([*self._metrics, "rms", *([cell.tune.metric] if cell.tune else [])]))
+    def _metrics_of(self, cell: Cell) -> dict[str, tuple[type, dict[str, Any]]]:
+        """All that are measured, and that by which the cell is tuned."""
+        tune = cell.tune
+        if tune is None or tune.metric in self._metrics:
+            return self._metrics
+        return {**self._metrics, tune.metric: (METRICS.get(tune.metric), {})}
 
     def _hash(self, cls: type) -> str:
         if cls not in self._known:
             self._known[cls] = source_hash(cls)
         return self._known[cls]
-
-
-def copy_of(item: T) -> T:
-    """Equal options that nobody else holds."""
-    return type(item).create(item.as_dict())
 
 
 def _classes(cell: Cell) -> tuple[type, ...]:

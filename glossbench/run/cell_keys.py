@@ -4,6 +4,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, NamedTuple
 
+from glossbench.columns import CONDITIONS
 from glossbench.errors import InputError
 from glossbench.options import Options
 from glossbench.provenance import code_hash
@@ -12,7 +13,6 @@ from glossbench.run.cell_items import Made, Sources
 from glossbench.run.results import Results, key_of
 from glossbench.run.study_lights import Changed, StudyLights
 from glossbench.study.cells import Candidate, Cell
-from glossbench.study.claims import PLACES
 from glossbench.study.study import Study
 
 
@@ -52,7 +52,7 @@ class CellKeys:
         self, study: Study, results: Results, lights: StudyLights,
         guard: Callable[[Cell, str], AbstractContextManager[None]],
     ) -> None:  # fmt: skip
-        self.sources = Sources(study.metrics)
+        self.sources = Sources(study.measured)
         self.code = code_hash("glossbench.run.measuring")  # the tuning, shading and metrics that it calls among it
         self._common = [code_hash("glossbench.truth.reference"), study.reference.model_dump(), study.device]
         self._results, self._lights, self._guard = results, lights, guard
@@ -92,7 +92,7 @@ class CellKeys:
         finally:
             attempt.end()
         stated = [[*items[kind], key] for kind, key in zip(("material", "view", "method"), keys, strict=True)]
-        reference_key = key_of([self._common, light_key, *(sources[place] for place in PLACES), *stated[:2]])
+        reference_key = key_of([self._common, light_key, *(sources[place] for place in CONDITIONS), *stated[:2]])
         key = key_of([reference_key, self.code, stated[2], sources["method"], sources["metrics"]])
         return Identity(key, spelled, reference_key, keys, ended=tried.ended)
 

@@ -131,7 +131,7 @@ class Executor:
             shared = (truth, view.scene(), material.reflectance()) if self.keys.sources.any_foreign(cell) else ()
             before = digest_of(*shared)
             record, image, half_vectors = measure(
-                record, method, cell.tune, self.study.metrics, self._stages, light, material, view, truth
+                record, method, cell.tune, self.study.measured, self._stages, light, material, view, truth
             )
             notes = [note for each in (material, view, method) for note in notes_of(each.name, each.notes())]
             notes = [*self.lights.notes(cell.light), *notes]
@@ -236,7 +236,7 @@ class Executor:
         """The record of a cell before anything is measured."""
         return cell.record(
             key=key, reference_key=reference_key, light_key=self.lights.known_key(cell.light),
-            metrics=dict.fromkeys([*self.study.metrics, "rms"], float("nan")), code=self.keys.code[:20],
+            metrics=dict.fromkeys(self.study.measured, float("nan")), code=self.keys.code[:20],
             version=glossbench_version(), torch=torch.__version__, device=self.study.device, processor=processor(),
             seed=self.study.seed,
         )  # fmt: skip

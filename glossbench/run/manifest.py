@@ -97,7 +97,8 @@ def _lost(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     found = [
         f"{kind.removesuffix('s')} {next(iter(item))}" for kind in LISTED for item in old[kind] if item not in new[kind]
     ]
-    found += [f"metric {name}" for name in old["metrics"] if name not in new["metrics"]]
+    gone = [each for each in old["metrics"] if each not in new["metrics"]]
+    found += [f"metric {each if isinstance(each, str) else next(iter(each))}" for each in gone]
     found += [f"{key} {_differing(old[key], new[key])}" for key in STATED if old[key] != new[key]]
     found += ["cells that it excludes" for entry in new["exclude"] if entry not in old["exclude"]]
     return list(dict.fromkeys(found))

@@ -1,6 +1,6 @@
 """Measuring one cell: its tuned option, its image, the metrics and the costs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from glossbench.brdf.material import Material
 from glossbench.columns import CellRecord
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.metrics import METRICS
+from glossbench.metrics import METRICS, Metric
+from glossbench.options import copy_of
 from glossbench.process.state import guarded
 from glossbench.run.tuning import tune_option
 from glossbench.scene.points import View
@@ -32,7 +33,7 @@ class Measured(NamedTuple):
 
 
 def measure(
-    record: CellRecord, method: Method, tune: Tune | None, metrics: Sequence[str], cache: StageCache,
+    record: CellRecord, method: Method, tune: Tune | None, metrics: Mapping[str, Metric], cache: StageCache,
     light: CubeMap, material: Material, view: View, truth: Reference,
 ) -> Measured:  # fmt: skip
     """What a method shows of a material under a light, against the truth.
@@ -40,7 +41,7 @@ def measure(
     Args:
         record: of the cell, with nothing measured yet.
         tune: the option to be set first where a metric is least.
-        metrics: by name; rms is always there.
+        metrics: by column; rms is among them.
         cache: stages that other cells left and may use.
 
     Raises:
@@ -48,15 +49,15 @@ def measure(
     """
     tuned: dict[str, float] = {}
 
-    def metric_of(name: str, image: Image, reference: Reference = truth) -> float:
+    def metric_of(metric: Metric, image: Image, reference: Reference = truth) -> float:
         seen, recorded = (replace(each, radiance=view.recorded(each.radiance)) for each in (image, reference))
-        with guarded(METRICS.get(name)):
-            value = METRICS.create(name, {})(seen, recorded)
-        return number_of(name, value)
+        with guarded(type(metric)):
+            value = copy_of(metric)(seen, recorded)
+        return number_of(metric.name, value)
 
-    def with_left_out(name: str, image: Image) -> list[float]:
+    def with_left_out(metric: Metric, image: Image) -> list[float]:
         """A metric against the reference, and against it without each group; alone if any of these is infinite."""
-        values = [metric_of(name, image, each) for each in (truth, *truth.left_out(METRICS.get(name).n_groups))]
+        values = [metric_of(metric, image, each) for each in (truth, *truth.left_out(metric.n_groups))]
         return values if np.isfinite(values).all() else values[:1]
 
     def shaded(candidate: Method, time_it: bool) -> Image:
@@ -64,7 +65,7 @@ def measure(
             return shade(candidate, light, material, view, cache=cache, time_it=time_it)
 
     if tune is not None:
-        least = tune.metric
+        least = metrics[tune.metric] if tune.metric in metrics else METRICS.create(tune.metric, {})
 
         def error(value: float) -> float:
             candidate = replace(method, **{tune.option: value})
@@ -76,7 +77,7 @@ def measure(
     with guarded(type(method)):
         half_vectors = pattern_of(method.name, method.half_vectors(material))
     cache.check(method.name)
-    compared = {name: with_left_out(name, image) for name in dict.fromkeys([*metrics, "rms"])}
+    compared = {column: with_left_out(metric, image) for column, metric in metrics.items()}
     costs = image.costs
     record = replace(
         record, tuned=tuned, options=method.as_dict(),

@@ -31,7 +31,7 @@ from torch import Tensor
 from glossbench.atomic import replacing
 from glossbench.envmap.formats.files import read_pixels, write_exr
 from glossbench.errors import InputError
-from glossbench.findings.columns import Column, columns_from_json, columns_of, columns_to_json
+from glossbench.findings.columns import Column, columns_from_json, columns_of, columns_to_json, metric_columns
 from glossbench.findings.descriptions import Descriptions, describe_study
 from glossbench.findings.verdicts import judge
 from glossbench.run.folder import Folder
@@ -240,6 +240,11 @@ class Results:
             with suppress(OSError, ValueError, InputError):
                 return columns_from_json(loads(self.disk.path("columns.json").read_bytes()))
         return columns_of(self.study["metrics"])
+
+    @property
+    def metrics(self) -> list[str]:
+        """The columns of the study's metrics, in their order."""
+        return [column.name for column in metric_columns(self.study["metrics"])]
 
     @property
     def descriptions(self) -> Descriptions:

@@ -12,12 +12,12 @@ from glossbench.atomic import interrupted_when_asked
 from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError
 from glossbench.findings.verdicts import judge
+from glossbench.options import copy_of
 from glossbench.plugins import origin
 from glossbench.process.leftovers import children, end_children
 from glossbench.process.state import is_foreign
 from glossbench.process.surroundings import settled
 from glossbench.provenance import provenance
-from glossbench.run.cell_items import copy_of
 from glossbench.run.cell_keys import Identity
 from glossbench.run.executor import Executor, Progress
 from glossbench.run.manifest import entry

@@ -8,6 +8,7 @@ from glossbench.digests import digest_of
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError, MethodError
+from glossbench.options import copy_of
 from glossbench.process.state import is_foreign
 from glossbench.run.attempts import Attempt
 from glossbench.run.results import key_of
@@ -77,7 +78,7 @@ class StudyLights:
         self._light = None
 
     def _made(self, item: Light) -> CubeMap:
-        made = type(item).create(item.as_dict())  # a copy: it keeps what it decodes of a file
+        made = copy_of(item)  # a copy: it keeps what it decodes of a file
         light = made.cubemap()
         if not isinstance(light, CubeMap) or light.faces.dtype != torch.float32:
             raise MethodError(f"light {item.name}: cubemap must return a CubeMap of float32, got {light!r:.60}")

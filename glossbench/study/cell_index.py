@@ -8,11 +8,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from glossbench.study.claims import BUDGET, PLACES, agrees, called
+from glossbench.columns import CONDITIONS
+from glossbench.study.claims import BUDGET, agrees, called
 
 Mask = NDArray[np.bool_]
 Named = tuple[str, Mapping[str, Any]]  # a name and options
-KINDS = (*PLACES, "method")
+KINDS = (*CONDITIONS, "method")
 _ABSENT = object()
 
 
@@ -91,9 +92,9 @@ class CellIndex:
         """
         fits = self._all
         for key, wanted in where.items():
-            if key in PLACES:
+            if key in CONDITIONS:
                 each = self.is_called(key, wanted)
-            elif (of := key.partition(".")[0]) in PLACES:
+            elif (of := key.partition(".")[0]) in CONDITIONS:
                 each = self._columns[of].agreeing(key.partition(".")[2], wanted)[self.codes[of]]
             elif key in of_methods:
                 columns = self._columns["method"]
@@ -116,7 +117,7 @@ class CellIndex:
         columns = [(self.codes[kind], self._columns[kind].n) for kind in kinds]
         for option in options:
             of, _, own = option.partition(".")
-            kind, own = (of, own) if of in PLACES else ("method", option)
+            kind, own = (of, own) if of in CONDITIONS else ("method", option)
             column = self._columns[kind].budget(budgets or {}) if option == BUDGET else self._columns[kind].column(own)
             columns.append((column.codes[self.codes[kind]] + 1, len(column.distinct) + 1))
         for codes, n in columns:
@@ -129,7 +130,7 @@ class CellIndex:
             return self._columns[key].names(np.unique(self.codes[key][cells]))
         found: list[Any] = []
         of, _, option = key.partition(".")
-        if of in PLACES:
+        if of in CONDITIONS:
             return self._columns[of].values(option, np.unique(self.codes[of][cells]))
         for kind in ("method", "material"):
             found = found or self._columns[kind].values(key, np.unique(self.codes[kind][cells]))

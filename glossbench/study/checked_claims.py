@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from glossbench.brdf.material import Material
+from glossbench.columns import CONDITIONS, costs
 from glossbench.envmap.lights.light import Light
 from glossbench.errors import nearest
 from glossbench.scene.points import View
@@ -15,9 +16,7 @@ from glossbench.study.cell_index import CellIndex, Mask
 from glossbench.study.cells import Candidate
 from glossbench.study.claim_names import unknown_name, unknown_place
 from glossbench.study.claims import (
-    COLUMNS,
     KINDS,
-    PLACES,
     Claim,
     called,
     method_of,
@@ -45,7 +44,7 @@ class Combined(Protocol):
     @property
     def methods(self) -> tuple[Candidate, ...]: ...
     @property
-    def metrics(self) -> tuple[str, ...]: ...
+    def metric_columns(self) -> list[str]: ...
     @property
     def exclude(self) -> tuple[dict[str, Any], ...]: ...
     @property
@@ -64,7 +63,7 @@ def checked_exclude(document: Document, study: Combined, any_light: bool) -> tup
     excluded = np.zeros(len(index.codes["method"]), bool)
     options = {key for kind in (study.methods, study.materials, study.views, study.lights) for item in kind
                for key in item.as_dict()}  # fmt: skip
-    known = [*PLACES, "method", *options]
+    known = [*CONDITIONS, "method", *options]
     names = _names(study, any_light) | {"method": {item.name for item in study.methods}}
     kept = []
     for i, entry in enumerate(study.exclude):
@@ -97,7 +96,7 @@ def checked_claims(document: Document, study: Combined, any_light: bool) -> tupl
     names = _names(study, any_light)
     parameters = {place: {key for item in items for key in item.as_dict()} for place, items in places_in(study).items()}
     stages = [name for method in methods for name in stated_stages(METHODS.get(method))]
-    costs = [*COLUMNS, *(f"stage_seconds.{name}" for name in stages), *(f"update_seconds.{name}" for name in CHANGES)]
+    parts = {"stage_seconds": stages, "update_seconds": CHANGES}
     found: list[Claim] = []
     for i, entry in enumerate(document.data.get("claims", [])):
         path: KeyPath = ("claims", i)
@@ -107,7 +106,7 @@ def checked_claims(document: Document, study: Combined, any_light: bool) -> tupl
             text = f"{path_text(path)} needs one of the keys {', '.join(KINDS)}, got {got}"
             raise document.error(path, text + _instead_of(entry))
         claim = document.validate(KINDS[kinds[0]], path)
-        problem = unknown_name(claim, methods, names, parameters, study.metrics, costs)
+        problem = unknown_name(claim, methods, names, parameters, study.metric_columns, costs(parts))
         if problem:
             at = (*path, *problem[0])
             raise document.error(at, f"{path_text(at)}: {problem[1]}")

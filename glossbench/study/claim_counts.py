@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glossbench.columns import CONDITIONS
 from glossbench.shading.method import METHODS
 from glossbench.study.cell_index import CellIndex, Mask
 from glossbench.study.checked_claims import places_in
 from glossbench.study.claim_names import meanings
 from glossbench.study.claims import (
     BUDGET,
-    PLACES,
     SEED,
     Claim,
     LowerClaim,
@@ -91,5 +91,8 @@ def _twins(study: "Study") -> NDArray[np.intp]:
         if SEED in options and item.method.is_random:
             del options[SEED]
         methods.append(known.setdefault(json.dumps([item.name, options], sort_keys=True), len(known)))
-    codes = [*(study.index.codes[place] for place in PLACES), np.array(methods, np.intp)[study.index.codes["method"]]]
+    codes = [
+        *(study.index.codes[place] for place in CONDITIONS),
+        np.array(methods, np.intp)[study.index.codes["method"]],
+    ]
     return np.ravel_multi_index(codes, [int(each.max()) + 1 for each in codes])

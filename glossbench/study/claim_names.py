@@ -3,9 +3,9 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from glossbench.columns import CONDITIONS
 from glossbench.errors import nearest
 from glossbench.study.claims import (
-    PLACES,
     Claim,
     LowerClaim,
     RatioClaim,
@@ -62,9 +62,11 @@ def unknown_name(
     if isinstance(claim, LowerClaim | RatioClaim):
         wanted += [("paired_by", "option of both methods", name, shared) for name in claim.paired_by]
     for key, what, name, known in wanted:
+        if same := [each for each in known if each.startswith(f"{name} (") and name not in known]:
+            return (key,), f"{name!r} may mean {' or '.join(map(repr, same))}: say which"
         if name not in known:
             return (key,), f"no {what} {name!r} in this study{nearest(name, known)}"
-    restrictable = {*PLACES, *parameters["material"], *set.union(*options)}
+    restrictable = {*CONDITIONS, *parameters["material"], *set.union(*options)}
     held = {"method": set.union(*options), **parameters}
     for key, value in claim.where.items():
         if key == "method":

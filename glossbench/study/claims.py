@@ -6,11 +6,8 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from glossbench.columns import CONDITIONS
 from glossbench.options import Finite
-
-# Costs. Those of stages are added up; a claim may be about one of them: stage_seconds.pyramid, update_seconds.light.
-COLUMNS = ("n_samples", "shade_seconds", "state_bytes", "stage_seconds")
-PLACES = ("light", "material", "view")
 
 
 def _tuple(value: Any) -> Any:
@@ -35,7 +32,7 @@ def _one_method(side: Any) -> Any:
     if not isinstance(side, str | dict):
         raise ValueError(rule)
     if isinstance(side, dict):
-        others = [key for key in side if key not in PLACES]
+        others = [key for key in side if key not in CONDITIONS]
         if len(others) > 1 and isinstance(side[others[0]], dict | None):
             raise ValueError(f"{rule}; options go inside: {{{others[0]}: {{{others[1]}: ...}}}}")
         if len(others) != 1 or not isinstance(side[others[0]], dict):
@@ -178,7 +175,7 @@ def sides_of(claim: Claim) -> dict[tuple[str | int, ...], Side]:
 
 def method_of(side: Side) -> str:
     """The method of a side."""
-    return side if isinstance(side, str) else next(key for key in side if key not in PLACES)
+    return side if isinstance(side, str) else next(key for key in side if key not in CONDITIONS)
 
 
 def options_of(side: Side) -> dict[str, Any]:
@@ -188,7 +185,7 @@ def options_of(side: Side) -> dict[str, Any]:
 
 def places_of(side: Side) -> dict[str, Any]:
     """The light, material and view that a side asks for, as far as it does."""
-    return {} if isinstance(side, str) else {key: value for key, value in side.items() if key in PLACES}
+    return {} if isinstance(side, str) else {key: value for key, value in side.items() if key in CONDITIONS}
 
 
 def methods_of(claim: Claim) -> set[str]:
@@ -216,7 +213,7 @@ def pairing(
         key for key in dict.fromkeys([*claim.where, *equal]) if key == BUDGET or (key in shared and key not in apart)
     ]
     stated = {place for side in sides_of(claim).values() for place in places_of(side)}
-    return claim.paired_by or usual, [place for place in PLACES if place not in stated]
+    return claim.paired_by or usual, [place for place in CONDITIONS if place not in stated]
 
 
 def agrees(wanted: Any, actual: Any) -> bool:

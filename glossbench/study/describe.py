@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from glossbench.columns import CONDITIONS
 from glossbench.options import check, schema_of
 from glossbench.study.claim_counts import counts
-from glossbench.study.claims import PLACES
 from glossbench.study.labels import as_text
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def counted(n: int, what: str) -> str:
 
 def in_one_line(study: "Study") -> str:
     """A study by its title, and how many of everything it has."""
-    numbers = [counted(np.unique(study.index.codes[kind][study.kept]).size, kind) for kind in PLACES]
+    numbers = [counted(np.unique(study.index.codes[kind][study.kept]).size, kind) for kind in CONDITIONS]
     numbers += [counted(int(study.kept.sum()), "cell"), counted(len(study.claims), "claim")]
     return f"{study.title}: {', '.join(numbers)}"
 
@@ -36,7 +36,7 @@ def described(study: "Study", forms: dict[str, list["Form"]]) -> dict[str, str]:
     """What a study says, by the word for it; lines where it is several."""
     lines: dict[str, list[str]] = {kind: [entry_in_words(form) for form in own] for kind, own in forms.items()}
     n_all, n_kept = len(study.kept), int(study.kept.sum())
-    lines["metrics"] = [", ".join(study.metrics)]
+    lines["metrics"] = [", ".join(study.metric_columns)]
     if study.exclude:
         lines["exclude"] = [f"{counted(n_all - n_kept, 'cell')} of {n_all:,}"]
     lines["device"] = [study.device + ("" if study.has_device() else ": there is none here, so that `run` refuses")]

@@ -2,17 +2,18 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, fields
 from itertools import product
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from glossbench.brdf.measured_file import material_or_file
 from glossbench.catalog.locate import locate
-from glossbench.envmap.lights.light import file_or_name
+from glossbench.envmap.lights.file_light import file_or_name
 from glossbench.errors import InputError, nearest
-from glossbench.metrics import METRICS
+from glossbench.metrics import METRICS, Metric
 from glossbench.options import Options, check, option_names, schema_of
 from glossbench.plugin_errors import one_line, place_of
 from glossbench.rules import instead
@@ -20,7 +21,8 @@ from glossbench.scene.mesh_view import view_or_file
 from glossbench.shading.method import Method
 from glossbench.study.cells import Candidate, Tune
 from glossbench.study.document import Document, KeyPath, path_text
-from glossbench.study.schema import ENDINGS, REGISTRIES, TuneKeys
+from glossbench.study.registries import REGISTRIES
+from glossbench.study.schema import ENDINGS, TuneKeys
 
 # Of each kind that may be a file's bare name: what a word means.
 WORDS = {"light": file_or_name, "material": material_or_file, "view": view_or_file}
@@ -39,15 +41,25 @@ class Form:
     Args:
         folder: of the study; files that it names may lie there.
         seed: of the study; an option `seed` of a method that states none takes it.
+        metrics: of the study, by column; one of them, or another, tunes a method.
     """
 
-    def __init__(self, document: Document, kind: str, path: KeyPath, value: Any, folder: Path, seed: int) -> None:
-        self._document, self._kind, self._folder = document, kind, folder
+    def __init__(
+        self,
+        document: Document,
+        kind: str,
+        path: KeyPath,
+        value: Any,
+        folder: Path,
+        seed: int,
+        metrics: Mapping[str, Metric] = MappingProxyType({}),
+    ) -> None:
+        self._document, self._kind, self._folder, self._metrics = document, kind, folder, metrics
         name, stated, self.path, at = self._named(path, value)
-        if name not in REGISTRIES[kind].names():
-            text = f"{path_text(path)}: {_unknown(kind, name, stated)}"
+        if name not in REGISTRIES[kind.removesuffix("s")].names():
+            text = f"{path_text(path)}: {_unknown(self.noun, name, stated)}"
             raise document.error(at, text, at_key=at != path)
-        self.cls: type[Options] = REGISTRIES[kind].get(name)
+        self.cls: type[Options] = REGISTRIES[kind.removesuffix("s")].get(name)
         self.tune: Tune | None = None
         self.axes: list[Axis] = []
         if not isinstance(stated, dict):
@@ -71,7 +83,7 @@ class Form:
 
     @property
     def noun(self) -> str:
-        """What one variant is: a light, material, view or method."""
+        """What one variant is: a light, material, view, method or metric."""
         return self._kind.removesuffix("s")
 
     def n_variants(self) -> int:
@@ -140,13 +152,13 @@ class Form:
 
     def _instead_of_keys(self, value: Any) -> str:
         """What to write instead of several keys: options are indented deeper, and items begin with a dash."""
-        names = REGISTRIES[self._kind].names()
+        names = REGISTRIES[self.noun].names()
         if not isinstance(value, dict) or next(iter(value), None) not in names:
             return ""
         first, *others = value
         if all(other in names for other in others):
             return f"; begin each {self.noun} with a dash"
-        options = [*option_names(REGISTRIES[self._kind].get(first)), "zip"]
+        options = [*option_names(REGISTRIES[self.noun].get(first)), "zip"]
         inside = next((other for other in others if other in options), None)
         return f"; indent {inside!r} deeper than {first!r}" if inside else ""
 
@@ -225,10 +237,10 @@ class Form:
         if not self._takes_fractions(option):
             text = f"{where}: only an option that takes fractions can be tuned; sweep this one: a list of its values"
             raise self._document.error(path, text)
-        if model.tune not in METRICS.names():
-            text = f"{where}.tune: unknown metric {model.tune!r}{nearest(model.tune, METRICS.names())}"
-            raise self._document.error((*path, "tune"), text)
-        if not METRICS.get(model.tune).lower_is_better:
+        if problem := self._no_metric(model.tune):
+            raise self._document.error((*path, "tune"), f"{where}.tune: {problem}")
+        metric = self._metrics.get(model.tune) or METRICS.get(model.tune)
+        if not metric.lower_is_better:
             text = f"{where}.tune: {model.tune} is higher for better images; tune an error"
             raise self._document.error((*path, "tune"), text)
         bounds = model.range or _bounds(self.cls, option)
@@ -241,6 +253,15 @@ class Form:
         for value in (low, high):
             self._checked((*path, "range"), option, value)
         return Tune(option, model.tune, low, high)
+
+    def _no_metric(self, name: str) -> str:
+        """The message for a name that is no metric, or that several of the study have; "" for one that is a metric."""
+        same = [column for column in self._metrics if column.startswith(f"{name} (")]
+        if name in self._metrics or (name in METRICS.names() and not same):
+            return ""
+        if same:
+            return f"{name!r} may mean {' or '.join(map(repr, same))}: say which"
+        return f"unknown metric {name!r}{nearest(name, [*self._metrics, *METRICS.names()])}"
 
     def _require_known(self, path: KeyPath, options: list[str]) -> None:
         known = option_names(self.cls)

@@ -6,9 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from glossbench.columns import parsed
+from glossbench.columns import CONDITIONS, parsed
 
-KINDS = ("light", "material", "view")
 Texts = dict[str, str]
 
 
@@ -93,18 +92,23 @@ def names_of(kind: str, rows: Iterable[Mapping[str, Any]], without: str = "") ->
         called = " ".join(part for part in ("" if file and row[kind] == "file" else str(row[kind]), file) if part)
         told = {name: files.get(text[_key(own.get(name))], text[_key(own.get(name))])
                 for name, text in telling[row[kind]].items()}  # fmt: skip
-        named[key] = f"{called} ({listed(told)})" if told else called
+        named[key] = with_options(called, told)
     return _distinct(named)
 
 
 def with_names(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The rows of a whole table, with `light_name`, `material_name` and `view_name` as reports have them."""
     read = [parsed(row) for row in rows]
-    names = {kind: names_of(kind, read) for kind in KINDS}
+    names = {kind: names_of(kind, read) for kind in CONDITIONS}
     return [
-        {**row, **{f"{kind}_name": names[kind][identity(kind, each)] for kind in KINDS}}
+        {**row, **{f"{kind}_name": names[kind][identity(kind, each)] for kind in CONDITIONS}}
         for row, each in zip(rows, read, strict=True)
     ]
+
+
+def with_options(name: str, options: Mapping[str, Any]) -> str:
+    """A name and, in brackets, options: "ggx (alpha 0.1)"."""
+    return f"{name} ({listed(options)})" if options else name
 
 
 def listed(options: Mapping[str, Any]) -> str:

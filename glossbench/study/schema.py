@@ -5,26 +5,17 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.measured_file import FORMATS
 from glossbench.documentation import attributes, first_line
-from glossbench.envmap.lights.light import LIGHTS
-from glossbench.metrics import METRICS
 from glossbench.options import Finite, Options, Seed, json_schema
 from glossbench.registry import Registry
 from glossbench.scene.mesh_files import READERS
-from glossbench.scene.points import VIEWS
-from glossbench.shading.method import METHODS
-from glossbench.study.claims import KINDS, Name, Names
+from glossbench.study.claims import KINDS, Name
+from glossbench.study.registries import REGISTRIES
 from glossbench.study.shared_schema import shared
 from glossbench.truth.reference import FIRST_SAMPLES, N_REPLICATES
 
-REGISTRIES: dict[str, Registry[Any]] = {
-    "light": LIGHTS,
-    "material": MATERIALS,
-    "view": VIEWS,
-    "methods": METHODS,
-}
+KINDS_OF_ITEMS = {"light": "light", "material": "material", "view": "view", "methods": "method"}  # by their key
 # Of each kind that may be a file's bare name: how such files end; an image's ending says only that it is one.
 ENDINGS = {"light": (), "material": (*FORMATS, ".fit"), "view": tuple(READERS)}
 MAX_ENTRIES = 1000  # of claims and exclude: each is compared with every cell
@@ -71,7 +62,7 @@ class StudyKeys(BaseModel):
         view: what is seen, or a list of them: a name, or a name with its options.
         methods: a method, or a list of them: a name, or a name with its options.
         reference: how the truth is computed.
-        metrics: errors that are measured, a name or a list of names.
+        metrics: errors that are measured, or a list of them: a name, or a name with its options.
         claims: sentences that are checked, each with the cells that it is about.
         exclude: mappings of light, material, view, method or an option to a value; cells that fit all of one are left
             out.
@@ -90,7 +81,7 @@ class StudyKeys(BaseModel):
     view: Any
     methods: Any
     reference: ReferenceOptions = ReferenceOptions()
-    metrics: Annotated[Names, Field(min_length=1)] = ["rms", "relative_rms", "mean_error", "max_error"]
+    metrics: Any = ["rms", "relative_rms", "mean_error", "max_error"]
     claims: Annotated[list[Any], Field(max_length=MAX_ENTRIES)] = []
     exclude: Annotated[list[dict[str, Any]], Field(max_length=MAX_ENTRIES)] = []
     seed: Seed = 0
@@ -115,16 +106,10 @@ class TuneKeys(BaseModel):
 def schema() -> dict[str, Any]:
     """JSON Schema of a study, with the options of every registered light, material, view and method."""
     top = _of_model(StudyKeys)
-    for kind, registry in REGISTRIES.items():
-        item = _item_schema(kind, registry)
-        either = [item, {"type": "array", "items": item, "minItems": 1}]
-        top["properties"][kind] = {"description": top["properties"][kind]["description"], "anyOf": either}
+    for key, kind in {**KINDS_OF_ITEMS, "metrics": "metric"}.items():
+        item = _item_schema(key, REGISTRIES[kind])
+        top["properties"][key]["anyOf"] = [item, {"type": "array", "items": item, "minItems": 1}]
     top["properties"]["claims"]["items"] = {"anyOf": [_of_model(model) for model in KINDS.values()]}
-    names = METRICS.names()
-    top["properties"]["metrics"]["anyOf"] = [
-        {"enum": names},
-        {"type": "array", "items": {"enum": names}, "minItems": 1},
-    ]
     definitions: dict[str, Any] = {}
     top = _hoisted(top, definitions)
     schema_of = "https://json-schema.org/draft/2020-12/schema"
@@ -189,8 +174,11 @@ def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
         lists[option] = {"type": "array", "items": {"anyOf": forms}, "minItems": 1}
         tuned = [_of_model(TuneKeys)] if tunable else []
         properties[option] = {"anyOf": [*forms, lists[option], *tuned], **beside}
-    properties["zip"] = {
-        "type": "object", "properties": lists, "additionalProperties": False,
-        "description": "lists of one length, whose first values go together, then the second, and so on",
-    }  # fmt: skip
+    if not properties:
+        return {"type": "object", "maxProperties": 0}
+    if len(lists) > 1:  # one list alone is a sweep
+        properties["zip"] = {
+            "type": "object", "properties": lists, "additionalProperties": False,
+            "description": "lists of one length, whose first values go together, then the second, and so on",
+        }  # fmt: skip
     return {**stated, "description": first_line(cls), "properties": properties}

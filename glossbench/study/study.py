@@ -15,9 +15,12 @@ import torch
 
 from glossbench.brdf.material import Material
 from glossbench.catalog.locate import locate
-from glossbench.envmap.lights.light import FileLight, Light, light_named
+from glossbench.columns import COLUMNS
+from glossbench.envmap.lights.file_light import FileLight, light_named
+from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError, nearest
-from glossbench.metrics import METRICS
+from glossbench.metrics import METRICS, Metric
+from glossbench.metrics.metric import column_names
 from glossbench.options import Options
 from glossbench.plugins import import_plugin
 from glossbench.process.plugin_imports import loading
@@ -30,7 +33,7 @@ from glossbench.study.claims import Claim, methods_of
 from glossbench.study.document import Document, KeyPath, path_text, read_document
 from glossbench.study.expand import Form
 from glossbench.study.installed import study_files
-from glossbench.study.schema import REGISTRIES, ReferenceOptions, StudyKeys
+from glossbench.study.schema import KINDS_OF_ITEMS, ReferenceOptions, StudyKeys
 
 MAX_CELLS = 100_000
 ENDINGS = (".yaml", ".yml")
@@ -55,7 +58,7 @@ class Study:
     views: tuple[View, ...]
     methods: tuple[Candidate, ...]
     reference: ReferenceOptions
-    metrics: tuple[str, ...]
+    metrics: tuple[Metric, ...]
     claims: tuple[Claim, ...]
     exclude: tuple[dict[str, Any], ...]
     seed: int
@@ -111,6 +114,16 @@ class Study:
             kept &= ~self.index.excluded(entry)
         return kept
 
+    @property
+    def metric_columns(self) -> list[str]:
+        """The columns of its metrics, in their order."""
+        return column_names([(metric.name, metric.as_dict()) for metric in self.metrics])
+
+    @cached_property
+    def measured(self) -> dict[str, Metric]:
+        """By column its metrics and the RMS error, which is always measured."""
+        return dict(zip(self.metric_columns, self.metrics, strict=True)) | {"rms": METRICS.create("rms", {})}
+
     def has_device(self) -> bool:
         """Whether this machine has the device."""
         return self.device == "cpu" or torch.cuda.is_available()
@@ -135,11 +148,16 @@ class Study:
             "view": [{item.name: item.as_dict()} for item in self.views],
             "methods": [{item.name: item.as_dict()} for item in self.methods],
             "reference": self.reference.model_dump(),
-            "metrics": list(self.metrics),
+            "metrics": [self._stated_metric(each) for each in self.metrics],
             "claims": [claim.model_dump(mode="json", exclude_none=True) for claim in self.claims],
             "exclude": [dict(entry) for entry in self.exclude],
             "seed": self.seed, "device": self.device, "time_limit": self.time_limit, "plugins": list(self.plugins),
         }  # fmt: skip
+
+    def _stated_metric(self, metric: Metric) -> str | dict[str, Any]:
+        """A name where that says all."""
+        is_alone = sum(other.name == metric.name for other in self.metrics) == 1
+        return metric.name if is_alone and metric.is_usual() else {metric.name: metric.as_dict()}
 
 
 def load_study(name_or_path: str | Path, light: str | None = None, open_files: bool = False) -> Study:
@@ -177,9 +195,15 @@ def study_with_forms(
             locate(light)
         document = replace(document, data={**document.data, "light": light})
     folder = path.absolute().parent
+    of_metrics = [Form(document, "metrics", p, v, folder, model.seed) for p, v in _entries(document, "metrics", model)]
+    metrics: tuple[Metric, ...] = _items(document, of_metrics, model.time_limit)
+    columns = column_names([(metric.name, metric.as_dict()) for metric in metrics])
+    measured = dict(zip(columns, metrics, strict=True))
+    if taken := next((column for column in columns if column in COLUMNS), ""):
+        raise document.error(("metrics",), f"metrics: {taken!r} is the name of another column of the results")
     forms = {
-        kind: [Form(document, kind, p, v, folder, model.seed) for p, v in _entries(document, kind)]
-        for kind in REGISTRIES
+        key: [Form(document, key, p, v, folder, model.seed, measured) for p, v in _entries(document, key, model)]
+        for key in KINDS_OF_ITEMS
     }
     n_cells = math.prod(sum(form.n_variants() for form in of_kind) for of_kind in forms.values())
     if n_cells > MAX_CELLS:
@@ -187,20 +211,13 @@ def study_with_forms(
     if open_files:
         for form in (form for of_kind in forms.values() for form in of_kind):
             form.open_files()
-    for i, metric in enumerate(model.metrics):
-        if metric not in METRICS.names():
-            raise document.error(
-                ("metrics", i), f"metrics: unknown metric {metric!r}{nearest(metric, METRICS.names())}"
-            )
-        if metric in model.metrics[:i]:
-            raise document.error(("metrics", i), f"metrics: {metric!r} is listed twice")
     study = Study(
         title=model.title, source=model.source, question=model.question,
         lights=_items(document, forms["light"], model.time_limit),
         materials=_items(document, forms["material"], model.time_limit),
         views=_items(document, forms["view"], model.time_limit),
         methods=_items(document, forms["methods"], model.time_limit),
-        reference=model.reference.with_seed(model.seed), metrics=tuple(model.metrics),
+        reference=model.reference.with_seed(model.seed), metrics=metrics,
         claims=(), exclude=tuple(model.exclude),
         seed=model.seed, device=model.device, time_limit=model.time_limit, plugins=tuple(model.plugins),
         name=path.stem, folder=folder,
@@ -231,9 +248,9 @@ def _with_hint(path: Path) -> Path:
     return path
 
 
-def _entries(document: Document, kind: str) -> list[tuple[KeyPath, Any]]:
-    """The items of one kind as the file states them, with their paths."""
-    value = document.data[kind]
+def _entries(document: Document, kind: str, model: StudyKeys) -> list[tuple[KeyPath, Any]]:
+    """The items of one kind as the file states them, or by default, with their paths."""
+    value = document.data.get(kind, getattr(model, kind))
     if value == []:
         raise document.error((kind,), f"{kind} needs at least one item")
     return [((kind, i), v) for i, v in enumerate(value)] if isinstance(value, list) else [((kind,), value)]

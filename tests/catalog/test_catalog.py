@@ -20,7 +20,8 @@ from glossbench.catalog.entries import Entry, entries, entry, fetch
 from glossbench.catalog.locate import locate
 from glossbench.envmap.formats.files import write_exr
 from glossbench.envmap.lights.catalog_light import CatalogLight
-from glossbench.envmap.lights.light import LIGHTS, FileLight, light_named
+from glossbench.envmap.lights.file_light import FileLight, light_named
+from glossbench.envmap.lights.light import LIGHTS
 from glossbench.errors import InputError
 from glossbench.study.study import load_study
 

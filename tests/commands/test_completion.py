@@ -9,7 +9,7 @@ import pytest
 
 from glossbench.catalog.entries import entries
 from glossbench.commands import completion
-from glossbench.commands.info import registries
+from glossbench.study.registries import REGISTRIES
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -79,11 +79,11 @@ def test_completion_can_be_shown_for_installation(call):
     assert "--install-completion" in call("--help").out
 
 
-@pytest.mark.parametrize("kind", registries())
+@pytest.mark.parametrize("kind", REGISTRIES)
 def test_names_read_from_sources_are_those_that_are_registered(kind):
     named_by_the_catalogue = {e.name for kind in ("environment", "brdf") for e in entries(kind)}
 
-    assert set(completion.registered(kind)) == set(registries()[kind].names()) - named_by_the_catalogue
+    assert set(completion.registered(kind)) == set(REGISTRIES[kind].names()) - named_by_the_catalogue
 
 
 def test_results_are_offered_as_folders():

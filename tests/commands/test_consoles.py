@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from glossbench.catalog.entries import Entry
 from glossbench.commands import cli, printing
 from glossbench.commands.consoles import Console, one_line, open_streams
-from glossbench.commands.figure import registered_figures
-from glossbench.documentation import documentation
-from glossbench.reports.figures import RC, colour_bar, style, svg
+from glossbench.documentation import documentation, first_line
+from glossbench.reports.style import RC, colour_bar, style, svg
+from glossbench.run.figures import FIGURES
 
 HOSTILE = "s.yaml:100: [bold]x[/bold] [/red] \x1b[31mred\x1b[0m \x9b31m \u202eevil \x00"
 SHOWN = "s.yaml:100: [bold]x[/bold] [/red] \\x1b[31mred\\x1b[0m \\x9b31m \\u202eevil \\x00"
@@ -156,10 +156,10 @@ def test_warnings_and_records_of_the_package_are_lines_on_standard_error(call, m
 
 PROGRAM = """
 import os, sys, runpy
-import glossbench.reports.figures
+import glossbench.reports.style
 assert os.environ["MPLBACKEND"] == "module://nowhere"
 from glossbench.catalog.entries import Entry
-from glossbench.documentation import documentation
+from glossbench.documentation import documentation, first_line
 assert documentation(Entry) == sys.argv.pop()
 sys.stdout.reconfigure(encoding="ascii")
 runpy.run_module("glossbench", run_name="__main__", alter_sys=True)
@@ -179,7 +179,7 @@ def test_a_backend_that_is_not_there_and_docstrings_that_are_dropped_do_no_harm(
 
 
 def test_every_figure_says_what_it_is():
-    lines = {name: documentation(draw).partition("\n")[0] for name, draw in registered_figures().items()}
+    lines = {name: first_line(FIGURES.get(name)) for name in FIGURES.names()}
 
     assert "convergence" in lines
     assert [name for name, line in lines.items() if not line] == []
@@ -211,10 +211,10 @@ def test_a_user_s_style_changes_no_figure_and_stays_as_it_was():
 
 
 def test_a_figure_that_took_the_user_s_style_would_be_noticed(monkeypatch):
-    from glossbench.reports import figures
+    from glossbench.reports import style
 
     expected = drawn()
-    monkeypatch.setattr(figures, "_PLAIN", {"xtick.major.size": 30.0})
+    monkeypatch.setattr(style, "_PLAIN", {"xtick.major.size": 30.0})
 
     assert drawn() != expected
 

@@ -10,7 +10,7 @@ from matplotlib.image import imread
 
 from glossbench.commands.picture import half_blocks, tone_mapped
 from glossbench.envmap.formats.files import read_image, write_exr
-from glossbench.envmap.lights.light import light_named
+from glossbench.envmap.lights.file_light import light_named
 from oracles.command_line import process, words
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -112,7 +112,7 @@ def test_a_written_light_is_read_by_what_it_says_of_itself(call):
 )  # fmt: skip
 def test_a_light_that_cannot_be_written_is_refused_before_it_is_made(call, monkeypatch, options, message):
     Path("folder.exr").mkdir()
-    monkeypatch.setattr("glossbench.envmap.lights.light.light_named", lambda *_: pytest.fail("the light was made"))
+    monkeypatch.setattr("glossbench.envmap.lights.file_light.light_named", lambda *_: pytest.fail("the light was made"))
 
     code, _, err = call("light", "gradient", *options)
 

@@ -9,10 +9,10 @@ import pytest
 import yaml
 
 from glossbench.catalog.entries import entries
-from glossbench.commands.info import registries
-from glossbench.commands.info import values as words_of_schema
+from glossbench.commands.schema_words import values as words_of_schema
 from glossbench.options import option_names
 from glossbench.study.installed import study_files
+from glossbench.study.registries import REGISTRIES
 from oracles.command_line import STUDY, files_under, words
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -107,16 +107,16 @@ def test_info_lists_every_name(call):
     code, out, _ = call("info")
 
     assert code == 0
-    for registry in registries().values():
+    for registry in REGISTRIES.values():
         assert all(name in words(out).replace(",", "").split() for name in registry.names())
     assert all(name in words(out) for name in study_files())
     lines = [line for line in out.splitlines() if line]
-    assert {line[:13].strip() for line in lines} == {"", *registries(), "study", "public file"}  # names stand apart
+    assert {line[:13].strip() for line in lines} == {"", *REGISTRIES, "study", "public file"}  # names stand apart
 
 
-@pytest.mark.parametrize("kind", registries())
+@pytest.mark.parametrize("kind", REGISTRIES)
 def test_info_prints_docstring_and_options_of_every_name(call, kind):
-    registry = registries()[kind]
+    registry = REGISTRIES[kind]
 
     for name in registry.names():
         code, out, err = call("info", name)

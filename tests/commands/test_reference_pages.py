@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from glossbench.commands.info import registries
 from glossbench.commands.reference_pages import write_pages
 from glossbench.options import option_names
+from glossbench.study.registries import REGISTRIES
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "reference"
 
@@ -15,7 +15,7 @@ COMMITTED = Path(__file__).parents[2] / "docs" / "reference"
 def pages(tmp_path_factory):
     """By name the text of each page, written now."""
     folder = tmp_path_factory.mktemp("reference")
-    return {path.name: path.read_text(encoding="utf-8") for path in write_pages(folder, registries())}
+    return {path.name: path.read_text(encoding="utf-8") for path in write_pages(folder, REGISTRIES)}
 
 
 def test_the_committed_pages_are_those_that_the_registries_give(pages):
@@ -24,9 +24,9 @@ def test_the_committed_pages_are_those_that_the_registries_give(pages):
     assert committed == pages, "make reference writes them"
 
 
-@pytest.mark.parametrize("kind", sorted(registries()))
+@pytest.mark.parametrize("kind", sorted(REGISTRIES))
 def test_each_option_of_each_class_has_a_row_with_its_meaning(pages, kind):
-    registry = registries()[kind]
+    registry = REGISTRIES[kind]
     without = []
     for section in pages[f"{kind}s.md"].split("\n## ")[1:]:
         name = section.split()[0]

@@ -151,3 +151,15 @@ def three_materials(folder, values):
     cells["tuned"] = "{}"
     cells.to_parquet(folder / "cells.parquet")
     return folder
+
+
+def metrics_of(data):
+    """Metrics that the page's plots may be under, in order."""
+    named = [data["pool"][case["given"]["metric"]] for figure in data["figures"] for case in figure["cases"]]
+    return list(dict.fromkeys(each["name"] for each in named if each["part"] == "Metrics"))
+
+
+def labels_of(data):
+    """Names and looks of all lines of the page's plots."""
+    panels = [panel for figure in data["figures"] for case in figure["cases"] for panel in case["panels"]]
+    return [data["pool"][data["pool"][rest]["label"]] for panel in panels for _, _, rest in panel["lines"]]

@@ -7,15 +7,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from glossbench.reports.answer import answer_of
-from glossbench.reports.cells import grouped
-from glossbench.reports.figures import polar
-from glossbench.reports.spreadsheet import csv_link
+from glossbench.findings.columns import column_of_metric
+from glossbench.reports.model.answer import answer_of
+from glossbench.reports.model.conditions import grouped
+from glossbench.reports.model.spreadsheet import csv_link
+from glossbench.reports.style import polar
 from oracles.rows_by_hand import rows
 
 
 def answer(given):
-    return answer_of(grouped(given, ["rms"]), "rms")
+    return answer_of(grouped(given, [column_of_metric("rms")]), "rms")
 
 
 def test_the_answer_is_where_methods_differ_most_beside_the_mean_of_the_reference():
@@ -52,7 +53,7 @@ def test_a_method_without_a_budget_stands_beside_all_of_them():
 
 
 def test_the_answer_is_of_the_budget_and_the_place_that_the_claim_is_about():
-    groups = grouped(rows([1, 2]), ["rms"])
+    groups = grouped(rows([1, 2]), [column_of_metric("rms")])
 
     found = answer_of(groups, "rms", [("nothing ran", ()), ("at 64", {"few-64-1", "many-64-1"})])
 
@@ -64,7 +65,7 @@ def test_the_cells_of_the_claim_stand_for_its_methods_beside_the_best_of_others(
     given = [row | {"options": {"samples": row["n_samples"], "k": k}, "key": f"{row['key']}-{k}", "rms": row["rms"] * k}
              for row in rows([1]) for k in (1, 2)]  # fmt: skip
 
-    found = answer_of(grouped(given, ["rms"]), "rms", [("few with k 2", {"few-16-0-2"})])
+    found = answer_of(grouped(given, [column_of_metric("rms")]), "rms", [("few with k 2", {"few-16-0-2"})])
 
     assert [cell.row["key"] for cell in found.cells] == ["few-16-0-2", "many-16-0-1"]
 

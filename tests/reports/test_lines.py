@@ -6,19 +6,22 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from glossbench.reports.cells import grouped
-from glossbench.reports.equal import error_at_time, time_at_error
-from glossbench.reports.figures import COLOURS
-from glossbench.reports.lines import Axis, Line, front, lines_at
-from glossbench.reports.print_plots import facets, over_sweep
-from glossbench.reports.print_tables import equal_table
-from glossbench.reports.sweeps import Label, places_of, sweeps_of, with_costs
+from glossbench.findings.columns import column_of_metric
+from glossbench.reports.model.axes import Label, places_of, sweeps_of, with_costs
+from glossbench.reports.model.conditions import grouped
+from glossbench.reports.model.equal import error_at_time, time_at_error
+from glossbench.reports.model.lines import Measured, front, measured_at
+from glossbench.reports.model.panels import Axis
+from glossbench.reports.model.plots import over_axis
+from glossbench.reports.model.tables import equal_table
+from glossbench.reports.print.plots import facets
+from glossbench.reports.style import COLOURS
 from oracles.rows_by_hand import RMS, rows
 
 
 def line(name, index, ms, errors, at_floor=None):
     n = len(ms)
-    return Line(
+    return Measured(
         Label(name, index, index, "#000000"),
         np.arange(1.0, n + 1),
         {"shade": np.array(ms, float)},
@@ -28,7 +31,7 @@ def line(name, index, ms, errors, at_floor=None):
 
 
 def places(given, over="samples"):
-    groups = grouped(given, ["rms"])
+    groups = grouped(given, [column_of_metric("rms")])
     return places_of(groups, sweeps_of(groups)[over])
 
 
@@ -45,7 +48,7 @@ def test_each_light_has_a_place_and_all_of_them_one_more():
 
 
 def test_a_line_knows_its_cells_and_all_its_costs():
-    first = lines_at(places(rows([1]))[0], "rms")[0]
+    first = measured_at(places(rows([1]))[0], "rms")[0]
 
     assert first.name == "few"
     assert first.keys == ["few-4-0", "few-16-0", "few-64-0"]
@@ -69,18 +72,18 @@ def test_the_band_of_one_light_is_the_interval_of_its_cells_by_the_logarithm():
 
 
 def test_the_band_over_lights_is_the_t_interval_of_the_mean_of_log_error():
-    check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
+    check_band(measured_at(mean_of([0.5, 1, 2, 3]), "rms"))
 
 
 def test_the_check_of_bands_notices_a_normal_interval_and_a_mean_of_errors(monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr("glossbench.reports.lines.stdtrit", lambda n, p: NormalDist().inv_cdf(p))
+        patch.setattr("glossbench.reports.model.lines.stdtrit", lambda n, p: NormalDist().inv_cdf(p))
         with pytest.raises(AssertionError):
-            check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
-    monkeypatch.setattr("glossbench.reports.lines.np.log", lambda x: x)
-    monkeypatch.setattr("glossbench.reports.lines.np.exp", lambda x: x)
+            check_band(measured_at(mean_of([0.5, 1, 2, 3]), "rms"))
+    monkeypatch.setattr("glossbench.reports.model.lines.np.log", lambda x: x)
+    monkeypatch.setattr("glossbench.reports.model.lines.np.exp", lambda x: x)
     with pytest.raises(AssertionError):
-        check_band(lines_at(mean_of([0.5, 1, 2, 3]), "rms"))
+        check_band(measured_at(mean_of([0.5, 1, 2, 3]), "rms"))
 
 
 def check_band(lines):
@@ -96,7 +99,7 @@ def check_band(lines):
 
 
 def test_two_lights_have_a_mean_and_no_band():
-    first = lines_at(mean_of([1, 4]), "rms")[0]
+    first = measured_at(mean_of([1, 4]), "rms")[0]
 
     assert first.errors == pytest.approx(2 * np.array(RMS["few"]))
     assert first.band is None
@@ -125,7 +128,7 @@ def check_front(lines, masks):
 def test_at_the_noise_floor_a_lower_number_is_no_better():
     cheap, costly = line("cheap", 0, [1], [0.019], [True]), line("costly", 1, [5], [0.01], [True])
 
-    masks = front([cheap, costly], "shade", Axis("rms", noise=0.01))
+    masks = front([cheap, costly], "shade", Axis("rms", floor=0.02))
 
     assert [mask.tolist() for mask in masks] == [[True], [False]]
 
@@ -154,7 +157,7 @@ def test_equal_error_is_exact_for_power_laws():
 
 def test_the_check_of_equal_tables_notices_straight_lines_on_linear_axes(monkeypatch):
     for name in ("np.log", "exp", "log"):
-        monkeypatch.setattr(f"glossbench.reports.equal.{name}", lambda x: x)
+        monkeypatch.setattr(f"glossbench.reports.model.equal.{name}", lambda x: x)
 
     with pytest.raises(AssertionError):
         check_equal(error_at_time(*powers()), lambda t: (2 * t**-0.5, 5 / t))
@@ -233,7 +236,7 @@ def test_a_line_without_a_number_that_did_not_come_lower_leaves_the_best_alone()
 def test_heads_of_equal_tables_in_print_are_the_columns_themselves():
     table = time_at_error([line("a", 0, [1, 10], [4, 1]), line("b", 1, [1, 10], [4, 1])], Axis("rms"))
 
-    heads = [column["title"] for column in equal_table(table, "", "")["columns"][1:]]
+    heads = [head.title for head in equal_table(table, "", "", 9).heads]
     assert (heads, len(set(heads))) == (["4", "3", "2", "1.5", "1"], 5)
 
 
@@ -313,7 +316,7 @@ def test_the_check_of_materials_notices_another_difference_and_a_wrong_order():
 
 def check_material(given):
     (place,) = places(given[::-1], "material.s")  # in any order
-    lines = {line.name: line for line in lines_at(place, "rms")}
+    lines = {line.name: line for line in measured_at(place, "rms")}
     assert place.title == "spots, kurt, sphere"
     assert {name.partition("mip_filter ")[2][:-1] for name in lines} == set(ERRORS)
     for name, line in lines.items():
@@ -333,7 +336,7 @@ def test_over_a_material_lights_have_a_mean():
 
     assert len(each) == 2
     assert mean.title == "mean over 2 lights, kurt, sphere"
-    assert lines_at(mean, "rms")[0].errors == pytest.approx(2 * np.array([0.4, 0.2, 0.1, 0.05]))
+    assert measured_at(mean, "rms")[0].errors == pytest.approx(2 * np.array([0.4, 0.2, 0.1, 0.05]))
 
 
 def test_options_with_numbers_are_swept_and_the_others_tell_lines():
@@ -341,8 +344,8 @@ def test_options_with_numbers_are_swept_and_the_others_tell_lines():
 
     (place,) = places(given, "regions")
 
-    assert [line.name for line in lines_at(place, "rms")] == ["few (storage cube)", "few (storage map)"]
-    assert [line.slope() for line in lines_at(place, "rms")] == pytest.approx([-1, -1])
+    assert [line.name for line in measured_at(place, "rms")] == ["few (storage cube)", "few (storage map)"]
+    assert [line.slope() for line in measured_at(place, "rms")] == pytest.approx([-1, -1])
 
 
 @pytest.mark.parametrize(
@@ -362,13 +365,15 @@ def test_options_with_numbers_are_swept_and_the_others_tell_lines():
 def test_numbers_that_cells_differ_in_alone_are_swept(options, expected):
     given = swept([({}, each, 0.1) for each in options])
 
-    assert {name: sweep.n_values for name, sweep in sweeps_of(grouped(given, ["rms"])).items()} == expected
+    assert {
+        name: sweep.n_values for name, sweep in sweeps_of(grouped(given, [column_of_metric("rms")])).items()
+    } == expected
 
 
 def test_what_is_tuned_is_not_swept():
     given = swept([({"tuned": {"bias": bias}}, {"bias": bias}, 0.1) for bias in (0.1, 0.2, 0.3)])
 
-    assert list(sweeps_of(grouped(given, ["rms"]))) == ["samples"]
+    assert list(sweeps_of(grouped(given, [column_of_metric("rms")]))) == ["samples"]
 
 
 @pytest.mark.parametrize(
@@ -385,7 +390,7 @@ def test_first_is_what_claims_ask_for_then_samples_then_the_most_values(sizes, c
     grid = [dict(zip(sizes, values, strict=True)) for values in np.ndindex(*sizes.values())]
     given = swept([({}, {key: int(value) + 1 for key, value in each.items()}, 0.1) for each in grid])
 
-    assert next(iter(sweeps_of(grouped(given, ["rms"]), claims))) == first
+    assert next(iter(sweeps_of(grouped(given, [column_of_metric("rms")]), claims))) == first
 
 
 @pytest.mark.parametrize(
@@ -397,13 +402,13 @@ def test_first_is_what_claims_ask_for_then_samples_then_the_most_values(sizes, c
     ],
 )
 def test_errors_are_against_costs_along_budgets_under_one_condition(cells, expected):
-    assert [sweep.name for sweep in with_costs(sweeps_of(grouped(swept(cells), ["rms"])))] == expected
+    assert [sweep.name for sweep in with_costs(sweeps_of(grouped(swept(cells), [column_of_metric("rms")])))] == expected
 
 
 def test_no_slope_is_fitted_where_x_is_not_positive():
     given = swept([({}, {"bias": bias}, 0.1 * (bias + 2)) for bias in (-1, 0, 1, 2)])
 
-    (line,) = lines_at(places(given, "bias")[0], "rms")
+    (line,) = measured_at(places(given, "bias")[0], "rms")
 
     assert list(line.x) == [-1, 0, 1, 2]
     assert line.slope() is None
@@ -413,10 +418,10 @@ def test_many_lines_have_a_facet_for_those_that_share_the_option_that_divides_th
     names = [(f, kind) for f in ("none", "box", "gauss", "cosine") for kind in ("cube", "map")]
     given = swept([({}, {"filter": f, "storage": kind, "k": k}, 0.1) for f, kind in names for k in (1, 2, 3)])
 
-    labels = [line.label for line in lines_at(places(given, "k")[0], "rms")]
+    labels = [line.label for line in measured_at(places(given, "k")[0], "rms")]
 
     assert [label.facet for label in labels] == [0, 1] * 4
-    few = [line.label for line in lines_at(places(given[:9], "k")[0], "rms")]
+    few = [line.label for line in measured_at(places(given[:9], "k")[0], "rms")]
     assert [label.facet for label in few] == [None] * 3
 
 
@@ -425,17 +430,18 @@ def test_a_method_of_one_budget_is_in_every_facet():
     given = swept([({}, {"filter": f, "storage": kind, "k": k}, 0.1) for f, kind in names for k in (1, 2, 3)])
     given += [given[0] | {"method": "lookup", "key": f"l{k}", "options": {"k": k}} for k in (1, 2, 3)]
 
-    panels = facets(over_sweep(places(given, "k")[0], "rms"))
+    (place,) = places(given, "k")
+    panels = facets([over_axis(place, "rms", measured_at(place, "rms"))])
 
     assert [panel.title for panel in panels] == ["storage cube", "storage map"]
-    assert all("lookup" in [line.name for line in panel.drawn] for panel in panels)
+    assert all("lookup" in [line.label.name for line in panel.drawn] for panel in panels)
 
 
 def test_a_sole_budget_is_in_the_name_of_a_line_beside_lines_that_are_named_by_their_budgets():
     def named_at(others):
         given = swept([({"method": "fis"}, {"k": k, "samples": n}, 0.1) for k in (1, 2) for n in others])
         given += swept([({"method": "is", "key": f"is {k}"}, {"k": k, "samples": 16}, 0.1) for k in (1, 2)])
-        return [line.name for line in lines_at(places(given, "k")[0], "rms")]
+        return [line.name for line in measured_at(places(given, "k")[0], "rms")]
 
     assert named_at((8, 32)) == ["fis (samples 8)", "fis (samples 32)", "is (samples 16)"]
     assert named_at((16,)) == ["fis", "is"]
@@ -447,7 +453,7 @@ def test_a_colour_is_a_method_and_its_lines_are_shades_and_dashes():
          for name in ("a", "b") for f in (("none", "box", "gauss") if name == "a" else ("box",)) for n in (1, 2)]
     )  # fmt: skip
 
-    labels = [line.label for line in lines_at(places(given)[0], "rms")]
+    labels = [line.label for line in measured_at(places(given)[0], "rms")]
 
     assert [label.method for label in labels] == [0, 0, 0, 1]
     assert [label.dash for label in labels] == [0, 1, 2, 0]

@@ -11,8 +11,9 @@ import pandas as pd
 import pytest
 import yaml
 
-from glossbench.reports import figures, html
-from glossbench.reports.scripts import TEMPLATES
+from glossbench.reports import style
+from glossbench.reports.page import html
+from glossbench.reports.page.scripts import TEMPLATES
 from oracles.discs import data_of, three_lights, three_materials, write_results
 
 HOSTILE = "</script><img src=x onerror=\"window.hacked='yes'\"><script>window.hacked='yes'</script>"
@@ -139,7 +140,7 @@ def test_points_stand_where_the_logarithms_of_their_numbers_are(page, report):
 @pytest.mark.parametrize(
     ("old", "new"),
     [("Math.log(value / low)) / Math.log(high / low)", "(value - low)) / (high - low)"),
-     ("line.x[x][i]), v", "line.x[x][0]), v")],
+     ("horizontal.at(line.x[i]), v", "horizontal.at(line.x[0]), v")],
     ids=["linear", "one cost for all"],
 )  # fmt: skip
 def test_the_check_of_positions_notices(old, new, browser, report, tmp_path):
@@ -226,7 +227,7 @@ def test_a_line_goes_and_comes_by_its_key(page):
 
 
 def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
-    choose(page, "plot-place", 1)
+    choose(page, "plot-group", 2)
     choose(page, "plot-metric", "max_error")
 
     keys = page.do("[...document.querySelectorAll('.plots .point')].map((point) => point.dataset.key)")
@@ -239,11 +240,13 @@ def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
 
 
 def test_the_pareto_front_is_ringed(page, report):
-    fronts = data_of(report.read_text(encoding="utf-8"))["sweeps"][0]["places"][0]["of"]["rms"]["fronts"]
+    data = data_of(report.read_text(encoding="utf-8"))
+    case = next(figure for figure in data["figures"] if figure["name"] == "costs")["cases"][0]
+    shade = next(panel for panel in case["panels"] if panel["name"] == "shade")
 
     rings = page.do("""document.querySelectorAll('.plots [data-x="shade"] circle.front').length""")
 
-    assert rings == len(fronts["shade"]) >= 4
+    assert rings == len(data["pool"][shade["fronts"]]) >= 4
 
 
 def test_what_the_reference_cannot_resolve_is_hollow(page, report):
@@ -263,14 +266,14 @@ def test_numbers_of_the_script_are_those_of_the_tables(page):
 
     said = page.do(f"{(TEMPLATES / 'numbers.js').read_text()}\n{json.dumps(values)}.map((value) => number(value))")
 
-    assert said == [figures.number(value) for value in values]
+    assert said == [style.number(value) for value in values]
 
 
 def test_over_three_lights_a_line_has_a_band_which_the_pointer_brings_out(browser, tmp_path):
     with opened(browser, html.write_report(three_lights(tmp_path / "lights"))) as page:
-        page.do("""(() => { const s = document.getElementById('plot-place'); s.value = s.options.length - 1;
+        page.do("""(() => { const s = document.getElementById('plot-group'); s.selectedIndex = s.options.length - 1;
             s.dispatchEvent(new Event('change', {bubbles: true})); })()""")
-        title = page.do("document.querySelector('#plot-place option:last-of-type').text")
+        title = page.do("document.querySelector('#plot-group option:last-of-type').text")
         bands = page.do("""[...document.querySelectorAll('.plots [data-x="over"] .band')].map((b) => b.dataset.line)""")
         page.do("""document.querySelector('.plots [data-x="over"] .point[data-line="1"]').focus()""")
         out = page.do(
@@ -312,7 +315,9 @@ def test_over_a_material_each_method_has_a_line_at_the_numbers_of_s(browser, mat
 
 
 def test_the_check_over_s_notices_the_numbers_of_another_group(browser, materials, tmp_path):
-    fault = planted(materials, tmp_path, "line.x[x][i]), v", "line.x[x][line.y.length - 1 - i]), v")
+    fault = planted(
+        materials, tmp_path, "horizontal.at(line.x[i]), v", "horizontal.at(line.x[line.y.length - 1 - i]), v"
+    )
 
     with opened(browser, fault) as page, pytest.raises(AssertionError):
         check_over_s(page, materials, "rms")
@@ -364,7 +369,7 @@ def test_a_box_takes_the_lines_of_a_value_away_and_back(browser, materials):
 def test_over_samples_each_material_is_a_place_with_costs(browser, materials):
     with opened(browser, materials) as page:
         choose(page, "plot-over", page.do("[...document.querySelectorAll('#plot-over option')].at(-1).value"))
-        title = page.do("document.getElementById('plot-place').selectedOptions[0].text")
+        title = page.do("document.getElementById('plot-group').selectedOptions[0].text")
         keys = page.do("[...document.querySelectorAll('.plots .point')].map((point) => point.dataset.key)")
         n = page.do("[...document.querySelectorAll('.plots figure')].filter((f) => !f.hidden).length")
 

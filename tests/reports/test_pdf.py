@@ -12,15 +12,23 @@ import yaml
 from PIL import Image
 
 from glossbench.errors import InputError
-from glossbench.reports import crops, figures, pdf, pictures, profile, single_figures, typesetting
-from glossbench.reports.crops import Crop, crops_of
-from glossbench.reports.descriptions import described
-from glossbench.reports.notation import runs
-from glossbench.reports.print_images import middle_budgets
+from glossbench.findings.descriptions import describe_study
+from glossbench.reports import raster, style, typesetting
+from glossbench.reports.figures import profile
+from glossbench.reports.model import crops
+from glossbench.reports.model.axes import Label
+from glossbench.reports.model.crops import Crop, crops_of
+from glossbench.reports.model.descriptions import described
+from glossbench.reports.model.notation import runs
+from glossbench.reports.print import pdf
+from glossbench.reports.print.images import middle_budgets
+from glossbench.run.figures import FIGURES
+from glossbench.run.results import Results
 from glossbench.shading.method import METHODS as REGISTERED
 from oracles.discs import CLAIMS, METHODS, SCRIPT, N, read_exr, three_materials, write_results
 from oracles.pdf_pages import pages_of, text_of
 
+INSTALLED = describe_study({"methods": REGISTERED.names()})
 SOURCE_CODE = '#panic("x") #read("/etc/hostname") $x$ *b* @label'
 
 
@@ -70,7 +78,7 @@ def test_pages_hold_numbers_reasons_tracebacks_study_and_provenance(folder, repo
 
     cells = pd.read_parquet(folder / "cells.parquet")
     for _, cell in cells[(cells.status == "done") & ~cells.at_noise_floor].iterrows():
-        assert f" {figures.number(cell.rms)} " in text
+        assert f" {style.number(cell.rms)} " in text
     assert text.count("skipped: the BRDF must be isotropic, m is (0.2, 0.075)") == 2
     assert text.count("Traceback (most recent call last): line 3 MethodError:") == 2
     for said in ("RMS ≤ 0.0040", "relative_error: 0.001", "glossbench run discs", "2.8.0", "Luksch, Christian"):
@@ -134,9 +142,9 @@ def test_error_maps_of_all_cells_are_in_the_pages_on_one_scale(folder, report):
 
 
 def test_the_check_notices_maps_on_their_own_scales(folder, monkeypatch):
-    error_map = pictures.error_map
+    error_map = raster.error_map
     monkeypatch.setattr(
-        pictures, "error_map", lambda e, mask, _, *how: error_map(e, mask, 0.9 * np.abs(e[mask]).max(), *how)
+        raster, "error_map", lambda e, mask, _, *how: error_map(e, mask, 0.9 * np.abs(e[mask]).max(), *how)
     )
     monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
 
@@ -156,7 +164,7 @@ def check_maps(folder, report):
         limit = np.percentile(np.abs(np.concatenate([error[mask] for error in errors])), 99.5)
         for error in errors:
             index = np.round(127 + 127 * np.clip(error / limit, -1, 1)).astype(int)
-            expected = np.round(255 * pictures.SIGNED(index)[..., :3])
+            expected = np.round(255 * raster.SIGNED(index)[..., :3])
             # An error on the edge of two colours may fall to either: the colours of neighbours differ by less than 6.
             assert any(np.abs(image[mask] - expected[mask]).max() < 6 for image in shown)
 
@@ -198,18 +206,18 @@ def test_results_without_a_single_image_make_a_report(tmp_path):
 def test_every_registered_method_has_an_equation_that_can_be_set():
     with typesetting.Press() as press:
         for name in REGISTERED.names():
-            equation = described([name])[0].equation
+            equation = described([name], INSTALLED)[0].equation
             assert equation, name
             assert press.is_equation(equation), name
         assert not press.is_equation("sum_(i=1 undefined_name")
 
 
 def test_a_method_is_told_by_what_follows_its_formula():
-    told = {each.name: "".join(run.text for run in each.text[0]) for each in described(REGISTERED.names())}
+    told = {each.name: "".join(run.text for run in each.text[0]) for each in described(REGISTERED.names(), INSTALLED)}
 
     assert told["environment_sampling"].startswith("with ω drawn in proportion to luminance")
     assert told["filtered_importance_sampling"].startswith("ω is drawn by the BRDF's own sampler")
-    assert described(["of_a_plug_in"])[0].text[0][0].text == "Of a plug-in that is not installed here."
+    assert described(["of_a_plug_in"], INSTALLED)[0].text[0][0].text == "Of a plug-in that is not installed here."
 
 
 @pytest.mark.parametrize(
@@ -269,30 +277,34 @@ def test_what_a_study_sweeps_is_plotted_first(imageless, tmp_path):
     text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())
 
     assert "spots, kurt, sphere: rms over s of the material" in text
-    assert text.index("rms over s of the material") < text.index("rms over samples and costs")
+    assert text.index("rms over s of the material") < text.index("rms over samples and against costs")
 
 
 def test_convergence_is_over_what_it_is_told_and_else_over_what_the_study_sweeps(tmp_path):
     folder = three_materials(tmp_path / "materials", [1, 4, 64])
 
     for name, options in (("s of the material", {}), ("light samples", {"over": "samples", "group": 2})):
-        single_figures.convergence(folder, tmp_path / "f.pdf", **options)
+        write("convergence", folder, tmp_path / "f.pdf", **options)
         assert name in text_of((tmp_path / "f.pdf").read_bytes())
-    single_figures.convergence(folder, tmp_path / "f.pdf", metric="shade")
+    write("convergence", folder, tmp_path / "f.pdf", metric="shade")
     assert "shading time [ms]" in text_of((tmp_path / "f.pdf").read_bytes())
 
 
-FIGURES = {
+def write(name, folder, path, **asked):
+    FIGURES.get(name)().write(Results.open(folder), path, **asked)
+
+
+ASKED = {
     "answer": {}, "crops": {"group": 2, "crop": [(4, 8, 20, 30), (30, 30, 16, 16)]}, "images": {"group": 1},
     "convergence": {"group": 1}, "costs": {"group": 2, "metric": "max_error"}, "profile": {"group": 1},
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("name", ASKED)
 def test_a_figure_is_one_page_of_its_size(name, folder, tmp_path):
     path = tmp_path / f"{name}.pdf"
 
-    getattr(single_figures, name)(folder, path, **FIGURES[name])
+    write(name, folder, path, **ASKED[name])
 
     (page,) = pages_of(path.read_bytes())
     text = "".join(page["text"].split())  # small type comes in pieces
@@ -308,23 +320,23 @@ def test_a_profile_runs_through_the_brightest_pixel_of_the_surface():
     reference[2, 3], reference[1, 1], mask[1, 1] = 2.0, 9.0, False
 
     row = profile.brightest_row(reference, mask)
-    lines = profile.cross_section(reference, [("method", 3 * reference, ("#0072b2", 0))], mask, row).axes[0].lines
+    line = profile.along(row, mask, Label("method", 0, 0, "#0072b2"), 3 * reference)
 
     assert row == 2
-    assert [line.get_ydata().tolist() for line in lines] == [[0, 0, 0, 2, 0], [0, 0, 0, 6, 0]]
+    assert (line.x.tolist(), line.y.tolist()) == ([0, 1, 2, 3, 4], [0, 0, 0, 6, 0])
 
 
 def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
     path = tmp_path / "crops.pdf"
 
-    single_figures.crops(folder, path, group=1, crop=[(4, 8, 20, 30)])
+    write("crops", folder, path, group=1, crop=[(4, 8, 20, 30)])
 
     (page,) = pages_of(path.read_bytes())
     reference = read_exr(folder / "references" / "ref0.exr")
     mask = np.asarray(Image.open(folder / "references" / "ref0_mask.png")) > 0
-    exposure = pictures.exposure_of(reference, mask)
+    exposure = raster.exposure_of(reference, mask)
     window = np.s_[8:38, 4:24]
-    expected = np.asarray(Image.open(io.BytesIO(pictures.picture(reference[window], mask[window], exposure))))
+    expected = np.asarray(Image.open(io.BytesIO(raster.picture(reference[window], mask[window], exposure))))
     assert any(
         image.shape == (30, 20, 3) and np.array_equal(image[mask[window]], expected[..., :3][mask[window]])
         for image in page["images"]
@@ -335,7 +347,7 @@ def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
 def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path):
     path = tmp_path / f"f.{ending}"
 
-    single_figures.convergence(folder, path, group=1)
+    write("convergence", folder, path, group=1)
 
     if ending == "png":
         with Image.open(path) as image:
@@ -357,7 +369,7 @@ def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path
 )
 def test_a_figure_that_cannot_be_is_one_line_and_no_file(name, options, path, message, folder, tmp_path):
     with pytest.raises(InputError, match=message) as caught:
-        getattr(single_figures, name)(folder, tmp_path / path, **options)
+        write(name, folder, tmp_path / path, **options)
 
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
@@ -416,7 +428,7 @@ def test_of_many_lines_no_page_is_a_heading_alone_and_no_image_is_cut(pages_of_m
 
 
 def test_the_checks_notice_crops_of_all_lines(many, monkeypatch):
-    monkeypatch.setattr(pdf, "telling_few", lambda group, _: middle_budgets(group))
+    monkeypatch.setattr(pdf, "best_few", lambda group, _: middle_budgets(group))
     monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
     pages = pages_of(pdf.write_report(many).read_bytes())
 
@@ -477,8 +489,8 @@ def test_along_a_swept_parameter_one_condition_stands_for_many(imageless, tmp_pa
 
     text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())
 
-    assert text.count("rms over samples and costs") == 1
-    assert "the first of 3 conditions of the study: rms over samples and costs" in text
+    assert text.count("rms over samples and against costs") == 1
+    assert "the first of 3 conditions of the study: rms over samples and against costs" in text
 
 
 def test_templates_are_part_of_the_package():

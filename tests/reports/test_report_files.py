@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from glossbench.errors import InputError
-from glossbench.reports import figures, html, payload
+from glossbench.reports import style
+from glossbench.reports.page import html, payload
 from glossbench.run.manifest import Manifest
 from oracles.discs import write_results
 
@@ -22,7 +23,7 @@ def made(tmp_path_factory):
     folder = write_results(tmp_path_factory.mktemp("made") / "discs", budgets=(4,))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(payload, "INLINE", 0)
-        patch.setattr(figures, "svg", lambda *_: "")
+        patch.setattr(style, "svg", lambda *_: "")
         html.write_report(folder)
     return folder
 
@@ -31,7 +32,7 @@ def made(tmp_path_factory):
 def beside(monkeypatch):
     """Images lie beside the page; nothing is drawn, which takes most of the time."""
     monkeypatch.setattr(payload, "INLINE", 0)
-    monkeypatch.setattr(figures, "svg", lambda *_: "")
+    monkeypatch.setattr(style, "svg", lambda *_: "")
     monkeypatch.setattr(html, "_methods", lambda names: [])
 
 

@@ -9,9 +9,14 @@ import yaml
 from markupsafe import Markup
 
 from glossbench.errors import InputError
-from glossbench.reports import figures, html, payload, pdf, print_tables, single_figures
-from glossbench.reports.times import time_notes
-from oracles.discs import data_of, write_results
+from glossbench.reports import style
+from glossbench.reports.model.options import AxisOption
+from glossbench.reports.model.report import Report
+from glossbench.reports.model.times import time_notes
+from glossbench.reports.page import html, payload
+from glossbench.reports.print import pdf, tables
+from glossbench.run.results import Results
+from oracles.discs import data_of, labels_of, write_results
 from oracles.pdf_pages import text_of
 
 
@@ -44,7 +49,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "svg", lambda *_: "")
+        patch.setattr(style, "svg", lambda *_: "")
         patch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
         patch.setattr(html, "MOST_ROWS", 10)
         return text_in(html.write_report(folder).read_text(encoding="utf-8"))
@@ -55,7 +60,7 @@ def printed(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pdf, "_plots", lambda *_: ([], []))
         patch.setattr(pdf, "_images", lambda *_: (None, []))
-        patch.setattr(print_tables, "MOST_ROWS", 10)
+        patch.setattr(tables, "MOST_ROWS", 10)
         return text_of(pdf.write_report(folder).read_bytes())
 
 
@@ -118,8 +123,7 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
     def over(name, **options):
         cells.assign(**options).to_parquet(tmp_path / "cells.parquet")
-        run = single_figures._read(tmp_path, None)
-        return single_figures._swept(run, name).name
+        return AxisOption().asked(Report.of(Results.open(tmp_path)), {}, name).name
 
     alike = {"view_options": '{"resolution": 64}'}
     assert over("m", **alike) == over("material.m", **alike) == "material.m"
@@ -134,9 +138,10 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
 def test_a_line_of_the_page_has_the_colour_of_its_method(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "svg", lambda *_: "")
+        patch.setattr(style, "svg", lambda *_: "")
         patch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
-        (sweep, *_) = data_of(html.write_report(folder).read_text(encoding="utf-8"))["sweeps"]
+        data = data_of(html.write_report(folder).read_text(encoding="utf-8"))
 
-    methods = {label["name"].partition(" (")[0]: label["method"] for label in sweep["labels"].values()}
+    labels = labels_of(data)
+    methods = {label["name"].partition(" (")[0]: label["method"] for label in labels}
     assert sorted(methods.values()) == list(range(len(methods)))

@@ -11,8 +11,11 @@ import yaml
 from markupsafe import Markup
 from PIL import Image
 
-from glossbench.reports import figures, html, images, lines, payload, pictures, sweeps
-from oracles.discs import CLAIMS, NOISE, SCRIPT, N, data_of, read_exr, write_results
+from glossbench.reports import raster, style
+from glossbench.reports.model import axes, lines, selection
+from glossbench.reports.model.conditions import Cell, Group
+from glossbench.reports.page import html, payload
+from oracles.discs import CLAIMS, NOISE, SCRIPT, N, data_of, metrics_of, read_exr, write_results
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +27,7 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def text_only(monkeypatch):
     """Drawing and the viewer's images take most of the time of a report; a check of text or of pictures needs none."""
-    monkeypatch.setattr(figures, "svg", lambda *_: "")
+    monkeypatch.setattr(style, "svg", lambda *_: "")
     monkeypatch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
 
 
@@ -95,18 +98,16 @@ def test_error_maps_are_centred_on_zero_and_share_one_scale(folder, page):
 
 
 def test_scale_check_notices_a_scale_per_image(folder, monkeypatch, text_only):
-    error_map = pictures.error_map
-    monkeypatch.setattr(pictures, "error_map", lambda e, mask, _, *how: error_map(e, mask, np.abs(e[mask]).max(), *how))
+    error_map = raster.error_map
+    monkeypatch.setattr(raster, "error_map", lambda e, mask, _, *how: error_map(e, mask, np.abs(e[mask]).max(), *how))
 
     with pytest.raises(AssertionError):
         check_one_scale(folder, html.write_report(folder).read_text(encoding="utf-8"))
 
 
 def test_scale_check_notices_a_scale_that_is_not_centred(folder, monkeypatch, text_only):
-    error_map = pictures.error_map
-    monkeypatch.setattr(
-        pictures, "error_map", lambda e, mask, limit, *how: error_map(e + 0.1 * limit, mask, limit, *how)
-    )
+    error_map = raster.error_map
+    monkeypatch.setattr(raster, "error_map", lambda e, mask, limit, *how: error_map(e + 0.1 * limit, mask, limit, *how))
 
     with pytest.raises(AssertionError):
         check_one_scale(folder, html.write_report(folder).read_text(encoding="utf-8"))
@@ -142,7 +143,7 @@ def test_a_metric_that_old_results_do_not_have_is_left_out(tmp_path, text_only):
 
     page = html.write_report(folder).read_text(encoding="utf-8")
 
-    assert data_of(page)["metrics"] == ["rms", "of_a_plug_in", "relative_rms"]
+    assert metrics_of(data_of(page)) == ["rms", "of_a_plug_in", "relative_rms"]
     assert "defined by a plug-in" in page
     assert not re.search(r'class="n">(flip|max_error|absent_plug_in)', page)
 
@@ -161,8 +162,8 @@ def test_a_report_of_many_cells_stays_small(tmp_path, monkeypatch, text_only):
 def test_an_infinite_error_is_the_end_of_the_scale():
     error, mask = np.array([[0.0, 1.0, np.inf]]), np.array([[True, True, True]])
 
-    limit = pictures.error_limit([error])
-    shown = Image.open(io.BytesIO(pictures.error_map(error, mask, limit, signed=False)))
+    limit = raster.error_limit([error])
+    shown = Image.open(io.BytesIO(raster.error_map(error, mask, limit, signed=False)))
 
     assert limit == pytest.approx(1, rel=0.01)
     assert np.asarray(shown)[0].tolist() == [0, 254, 254]
@@ -171,14 +172,14 @@ def test_an_infinite_error_is_the_end_of_the_scale():
 def test_one_image_far_off_does_not_take_the_colours_of_the_others():
     small, large = np.full((4, 4), 0.1), np.full((4, 4), 50.0)
 
-    assert pictures.middle_limit([small, large, 2 * small]) == pytest.approx(0.2)
-    assert pictures.middle_limit([large, small]) == pytest.approx(0.1)
+    assert raster.middle_limit([small, large, 2 * small]) == pytest.approx(0.2)
+    assert raster.middle_limit([large, small]) == pytest.approx(0.1)
 
 
 def test_unsigned_maps_brighten_from_black_without_a_turn():
     ramp = np.linspace(0, 1, 255)[None]
 
-    shown = Image.open(io.BytesIO(pictures.error_map(ramp, ramp >= 0, 1.0, signed=False)))
+    shown = Image.open(io.BytesIO(raster.error_map(ramp, ramp >= 0, 1.0, signed=False)))
 
     brightness = np.asarray(shown.convert("L")).astype(int)[0]
     assert brightness[0] < 3
@@ -189,7 +190,7 @@ def test_unsigned_maps_brighten_from_black_without_a_turn():
 def test_too_bright_is_red_too_dark_is_blue_and_right_is_neutral():
     error = np.array([[-1.0, 0.0, 1.0, 5.0]])
 
-    shown = Image.open(io.BytesIO(pictures.error_map(error, np.array([[True, True, True, False]]), 2.0)))
+    shown = Image.open(io.BytesIO(raster.error_map(error, np.array([[True, True, True, False]]), 2.0)))
 
     blue, neutral, red, outside = np.asarray(shown.convert("RGBA")).astype(int)[0]
     assert blue[2] > blue[0] + 50
@@ -201,7 +202,7 @@ def test_too_bright_is_red_too_dark_is_blue_and_right_is_neutral():
 def test_picture_follows_the_srgb_curve_at_the_stated_exposure():
     grey = np.full((2, 2, 3), 0.36)
 
-    shown = Image.open(io.BytesIO(pictures.picture(grey, np.ones((2, 2), bool), 0.5)))
+    shown = Image.open(io.BytesIO(raster.picture(grey, np.ones((2, 2), bool), 0.5)))
 
     assert np.asarray(shown)[0, 0].tolist() == [118, 118, 118, 255]  # IEC 61966-2-1 of 0.18
 
@@ -211,11 +212,11 @@ def test_large_images_are_averaged_over_the_surface_alone():
     mask = np.hypot(*(np.mgrid[:300, :400] - 150)) < 140
     image = rng.random((300, 400, 3)) * mask[..., None]
 
-    small, share = pictures.downscaled(image, mask)
+    small, share = raster.downscaled(image, mask)
 
     assert small.shape == (192, 256, 3)
     assert np.average(small, axis=(0, 1), weights=share) == pytest.approx(image[mask].mean(axis=0), rel=1e-12)
-    constant, share = pictures.downscaled(np.ones((300, 400, 3)), mask)
+    constant, share = raster.downscaled(np.ones((300, 400, 3)), mask)
     assert constant[share > 0] == pytest.approx(1, rel=1e-12)  # black background does not darken the rim
 
 
@@ -224,8 +225,8 @@ def test_a_smaller_image_is_the_mean_over_each_pixels_area():
 
 
 def test_the_check_of_areas_notices_pixels_that_are_taken_whole(monkeypatch):
-    exact = pictures._area_weights
-    monkeypatch.setattr(pictures, "_area_weights", lambda n, m: exact(n, m).ceil())
+    exact = raster._area_weights
+    monkeypatch.setattr(raster, "_area_weights", lambda n, m: exact(n, m).ceil())
 
     with pytest.raises(AssertionError):
         check_areas()
@@ -238,7 +239,7 @@ def check_areas():
     blocks = (np.kron(each, np.ones((2, 2))).reshape(6, 3, 4, 3) for each in (mask, *np.moveaxis(image, 2, 0) * mask))
     expected_share, *expected = (block.mean(axis=(1, 3)) for block in blocks)
 
-    small, share = pictures.downscaled(image, mask, 6)
+    small, share = raster.downscaled(image, mask, 6)
 
     assert share == pytest.approx(expected_share, rel=1e-12)
     assert small * share[..., None] == pytest.approx(np.dstack(expected), rel=1e-12)
@@ -247,7 +248,7 @@ def check_areas():
 def test_an_image_that_is_small_enough_stays_as_it_is():
     image, mask = np.random.default_rng(2).random((9, 6, 3)), np.ones((9, 6), bool)
 
-    small, share = pictures.downscaled(image, mask, 9)
+    small, share = raster.downscaled(image, mask, 9)
 
     assert np.array_equal(small, image)
     assert np.array_equal(share, mask)
@@ -258,7 +259,7 @@ def test_cell_at_the_noise_floor_has_no_number(page):
 
     assert len(rows) == 2
     assert all("filtered_importance_sampling" in row and "RMS ≤ 0.0040" in row for row in rows)
-    assert figures.number(1.7 * NOISE) not in "".join(rows)
+    assert style.number(1.7 * NOISE) not in "".join(rows)
 
 
 def test_skipped_and_failed_cells_are_in_the_table_with_their_reasons(page):
@@ -280,7 +281,7 @@ def test_best_of_a_group_is_marked(tmp_path):
 
     best = cells[cells.status == "done"].groupby("reference_key").rms.min()
     for rms in best:
-        assert f"<strong>{figures.number(rms)}</strong>" in page
+        assert f"<strong>{style.number(rms)}</strong>" in page
 
 
 def test_slope_is_fitted_through_resolved_points():
@@ -289,7 +290,9 @@ def test_slope_is_fitted_through_resolved_points():
     rms[-1] = 0.1  # held up by the reference's noise
 
     def line(k, at_floor):
-        return lines.Line(sweeps.Label("m", 0, 0, "#000000"), n[:k], {"shade": n[:k]}, rms[:k], np.array(at_floor[:k]))
+        return lines.Measured(
+            axes.Label("m", 0, 0, "#000000"), n[:k], {"shade": n[:k]}, rms[:k], np.array(at_floor[:k])
+        )
 
     assert line(4, [False, False, False, True]).slope() == pytest.approx(-0.75)
     assert line(4, [False] * 4).slope() > -0.7
@@ -297,14 +300,16 @@ def test_slope_is_fitted_through_resolved_points():
 
 
 def test_of_many_cells_each_line_shows_three_budgets_then_one():
-    cells = [html.Cell({"method": m, "n_samples": n, "status": "done"}, "", i)
+    cells = [Cell({"method": m, "n_samples": n, "status": "done"}, "", i)
              for i, m in enumerate("abc") for n in range(9)]  # fmt: skip
-    group = html.Group("", {}, cells, {}, {})
+    group = Group("", {}, cells, {}, {})
 
     def shown(most):
-        return [[(cell.row["method"], cell.row["n_samples"]) for cell in of] for of in images.chosen([group] * 2, most)]
+        return [
+            [(cell.row["method"], cell.row["n_samples"]) for cell in of] for of in selection.chosen([group] * 2, most)
+        ]
 
-    assert images.chosen([group] * 2, 54) == [cells, cells]
+    assert selection.chosen([group] * 2, 54) == [cells, cells]
     assert shown(53) == [[(m, n) for m in "abc" for n in (0, 4, 8)]] * 2
     assert shown(17) == [[(m, 8) for m in "abc"]] * 2
     assert shown(1) == [[("a", 8)]] * 2  # at least one of each light, material and view
@@ -329,7 +334,7 @@ def test_results_without_a_single_image_make_a_report(tmp_path):
      (0.9996, "1.00"), (65536.0, "65536"), (3.1e7, "3.10×10⁷")],
 )  # fmt: skip
 def test_numbers_have_three_digits(value, text):
-    assert figures.number(value) == text
+    assert style.number(value) == text
 
 
 def images_of(kind, page):

@@ -17,7 +17,8 @@ import pytest
 from matplotlib import colormaps
 
 from glossbench.metrics.perceptual import FLIP
-from glossbench.reports import figures, html, payload, scripts
+from glossbench.reports import style
+from glossbench.reports.page import html, payload, scripts
 from glossbench.run.folder import Folder
 from oracles.discs import N, write_results
 
@@ -33,7 +34,7 @@ PAINTERS = ("plain", "webgl2")
 def without_plots():
     """Drawing takes most of the time of a report, and no one looks at it here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "svg", lambda *_: "")
+        patch.setattr(style, "svg", lambda *_: "")
         yield
 
 
@@ -273,7 +274,7 @@ def test_values_of_pixels_are_written_on_them_when_zoomed_in(page, folder):
     image = truth(folder, 1)
     numbers = page.text(".viewer-readout")
 
-    expected = " ".join(figures.number(float(np.float16(v))) for v in image.x[21, 20])
+    expected = " ".join(style.number(float(np.float16(v))) for v in image.x[21, 20])
     assert numbers.startswith(f"pixel 20, 21 · regular_sampling {expected} · reference ")
     of_ink = (
         "(c => c.getContext('2d').getImageData(0, 100, c.width, 300).data.filter((v, i) => i % 4 === 3 && v).length)"

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -196,6 +197,7 @@ if "KILL_AT_WRITE" in os.environ:
 RUN = """
 import sys
 from pathlib import Path
+from typing import Any
 from glossbench.run.runner import run_study
 from glossbench.study.study import load_study
 run_study(load_study(sys.argv[1]), Path(sys.argv[2]))
@@ -487,7 +489,7 @@ def lit_by_a_file(study_of, tmp_path, monkeypatch):
         decoded.append(path.name)
         return read_file(path, *rest)
 
-    monkeypatch.setattr("glossbench.envmap.lights.light.read_file", counting)
+    monkeypatch.setattr("glossbench.envmap.lights.file_light.read_file", counting)
     return study, tmp_path / "r", decoded
 
 

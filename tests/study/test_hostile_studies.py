@@ -129,7 +129,7 @@ BROKEN: dict[str, tuple[Any, str, list[str]]] = {
     "no time at all": (a_study(time_limit="0"), "6:13", ["time_limit must be greater than 0"]),
     "endless time": (a_study(time_limit=".inf"), "6:13", ["time_limit must be less than or equal to"]),
     "an unknown metric": (a_study(metrics="[rms, rsm]"), "6:16", ["unknown metric 'rsm'", "'rms'"]),
-    "a metric twice": (a_study(metrics="[rms, rms]"), "6:16", ["'rms' is listed twice"]),
+    "a metric twice": (a_study(metrics="[rms, rms]"), "6:16", ["states the same twice: rms"]),
     "no metric": (a_study(metrics="[]"), "6:10", ["metrics"]),
     # Items, options, sweeps
     "an unknown method": (a_study(methods="importance_samplin"), "5:10", ["did you mean 'importance_sampling'?"]),

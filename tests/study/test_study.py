@@ -16,7 +16,8 @@ import yaml
 from pydantic import Field
 
 from glossbench.brdf.material import MATERIALS, Material
-from glossbench.envmap.lights.light import LIGHTS, FileLight, Light
+from glossbench.envmap.lights.file_light import FileLight
+from glossbench.envmap.lights.light import LIGHTS, Light
 from glossbench.errors import InputError
 from glossbench.options import Color, Fraction, Resolution, Widths
 from glossbench.scene.points import VIEWS, View
@@ -145,7 +146,7 @@ def test_defaults_are_spelled_out(write):
     assert study.name == "my"
     assert study.lights[0].as_dict() == {"seed": 0, "resolution": 16}
     assert study.methods[0].method.as_dict() == {"samples": 40, "bias": 0.0, "gain": 1.0, "mip_filter": "box"}
-    assert study.metrics == ("rms", "relative_rms", "mean_error", "max_error")
+    assert study.metric_columns == ["rms", "relative_rms", "mean_error", "max_error"]
     assert study.reference.relative_error == 1e-3
     assert (study.seed, study.device, study.exclude, study.claims) == (0, "cpu", (), ())
 
@@ -627,8 +628,8 @@ WRONG = [
     (a_study(title="12"), "1:8: title must be a valid string, got 12"),
     (a_study(seed="-1"), "6:7: seed must be greater than or equal to 0, got -1"),
     (a_study(device="tpu"), "6:9: device must be 'cpu' or 'cuda', got 'tpu'"),
-    (a_study(metrics="[rms, rsm]"), "6:16: metrics: unknown metric 'rsm'; did you mean 'rms'?"),
-    (a_study(metrics="[rms, rms]"), "6:16: metrics: 'rms' is listed twice"),
+    (a_study(metrics="[rms, rsm]"), "6:16: metrics[1]: unknown metric 'rsm'; did you mean 'rms'?"),
+    (a_study(metrics="[rms, rms]"), "6:16: metrics[1] states the same twice: rms {}"),
     (
         a_study(reference="{relative_error: 0}"),
         "6:29: reference.relative_error must be greater than 0, got 0",

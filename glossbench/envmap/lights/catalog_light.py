@@ -6,7 +6,8 @@ from glossbench.catalog.entries import entries, entry, fetch
 from glossbench.catalog.naming import register_entries
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.facts import LightFacts
-from glossbench.envmap.lights.light import LIGHTS, FileLight, Light
+from glossbench.envmap.lights.file_light import FileLight
+from glossbench.envmap.lights.light import LIGHTS, Light
 from glossbench.options import Resolution
 
 

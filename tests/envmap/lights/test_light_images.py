@@ -9,7 +9,7 @@ import torch
 
 from glossbench.commands.light import light as light_command
 from glossbench.envmap.formats.files import write_exr
-from glossbench.envmap.lights.light import FileLight
+from glossbench.envmap.lights.file_light import FileLight
 from glossbench.envmap.projections import resampling
 from glossbench.envmap.projections.conversion import guess_projection, to_cubemap
 from glossbench.errors import InputError

@@ -9,7 +9,8 @@ import torch
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import texel_directions
 from glossbench.envmap.formats.files import write_exr
-from glossbench.envmap.lights.light import LIGHTS, FileLight
+from glossbench.envmap.lights.file_light import FileLight
+from glossbench.envmap.lights.light import LIGHTS
 from glossbench.envmap.projections.axes import _CONVENTIONS, permutation, turned
 from glossbench.envmap.projections.conversion import from_cubemap, to_cubemap
 from glossbench.errors import InputError

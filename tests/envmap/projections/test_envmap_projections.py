@@ -10,7 +10,8 @@ from glossbench.directions import Vec3, vec3
 from glossbench.envmap.cubemap import CubeMap, texel_directions
 from glossbench.envmap.formats.files import read_image, write_exr
 from glossbench.envmap.lights.facts import facts
-from glossbench.envmap.lights.light import LIGHTS, FileLight
+from glossbench.envmap.lights.file_light import FileLight
+from glossbench.envmap.lights.light import LIGHTS
 from glossbench.envmap.projections import layouts
 from glossbench.envmap.projections.conversion import from_cubemap, guess_projection, to_cubemap
 from glossbench.errors import InputError

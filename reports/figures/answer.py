@@ -1,0 +1,26 @@
+"""The picture of the report's first page as a file."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from glossbench.errors import InputError
+
+from ..figure import FIGURES, Figure
+from ..model.options import MetricOption, Option
+from ..model.report import Report
+from ..print.images import PrintedGroup
+from ..typesetting import Press
+
+
+@FIGURES.register("answer")
+class Answer(Figure):
+    """The picture of the report's first page: crops of the methods where the metric tells most between them."""
+
+    options: ClassVar[Mapping[str, Option]] = {"metric": MetricOption()}
+    in_reports = False  # reports begin with it
+
+    def printed(self, report: Report, press: Press, **given: Any) -> dict[str, Any]:
+        found = report.answer_under(given["metric"])
+        if found is None:
+            raise InputError(f"{report.results.folder} has no cell with an image and {given['metric']}")
+        return {"kind": "crops", **PrintedGroup(report.results, found.group, press).crops(found.cells)}

@@ -1,0 +1,48 @@
+"""Crops: the windows of an image where methods err most, and each in another place than the others."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+import scipy
+
+from ..raster import Floats, Mask
+
+Pixels = TypeVar("Pixels", Floats, Mask)
+SHARE = 6  # of the shorter side of the image: the side of a crop
+SMALLEST = 12  # pixels on the side of a crop
+
+
+class Crop(NamedTuple):
+    """A window [pixels]: its left upper corner, counted from that of the image, and its size."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    def of(self, image: Pixels) -> Pixels:
+        """What of an image (H, W, ...) is in it."""
+        return image[self.y : self.y + self.height, self.x : self.x + self.width]
+
+
+def crops_of(errors: Sequence[Floats], mask: Mask, limit: float, n: int = 2) -> list[Crop]:
+    """At most n square windows that do not overlap, each with the largest mean |error| of what is left.
+
+    Errors (H, W) are those of all images to be compared; each counts up to `limit`, so that no single pixel decides,
+    and zero off the mask, so that windows lie on the surface.
+    """
+    side = min(max(SMALLEST, round(min(mask.shape) / SHARE)), *mask.shape)
+    clipped = [np.where(mask & np.isfinite(error), np.minimum(np.abs(error), limit), 0) for error in errors]
+    if not clipped:
+        return []
+    score = scipy.ndimage.uniform_filter(np.mean(clipped, axis=0), side, mode="constant")
+    # uniform_filter centres its windows: score[i + side // 2] is that of the window that begins at i.
+    height, width = (size - side + 1 for size in mask.shape)
+    left = np.array(score[side // 2 : side // 2 + height, side // 2 : side // 2 + width])
+    found: list[Crop] = []
+    while len(found) < n and left.size and left.max() > 0:
+        y, x = (int(i) for i in np.unravel_index(np.argmax(left), left.shape))
+        found.append(Crop(x, y, side, side))
+        left[max(0, y - side + 1) : y + side, max(0, x - side + 1) : x + side] = 0
+    return found

@@ -1,0 +1,190 @@
+"""Equal time and equal error: what each line would reach at round times and errors, between the points it has."""
+
+from collections.abc import Callable, Sequence
+from math import exp, floor, inf, log, log10
+from typing import NamedTuple
+
+import numpy as np
+
+from .axes import Place
+from .lines import Measured, axis_of
+from .panels import Axis, Floats
+
+FEWEST_COLUMNS, MOST_COLUMNS = 3, 6
+DIGITS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7))  # the second where the first gives too few columns
+
+
+class Value(NamedTuple):
+    """What a line would reach by the median time of its runs; low and high, by the fastest and by the slowest.
+
+    `high` is infinite where the slowest run takes too long.
+    """
+
+    middle: float
+    low: float
+    high: float
+
+    @property
+    def has_spread(self) -> bool:
+        """Whether the runs leave it open."""
+        return self.low < self.high
+
+
+class EqualTable(NamedTuple):
+    """Rows are the lines that have points, columns are times or errors.
+
+    Attributes:
+        at: the heads of the columns.
+        rows: a value a column, None beyond the points of a line: nothing is extrapolated.
+        best: of each column the place of the line with the lowest value, where its runs are all below those of the
+            others, and another that has no value here did not come as low by its own points; else None.
+    """
+
+    at: Sequence[float]
+    lines: Sequence[Measured]
+    rows: Sequence[Sequence[Value | None]]
+    best: Sequence[int | None]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a column has no best, as times of runs overlap."""
+        return None in self.best
+
+    @property
+    def has_points(self) -> bool:
+        """Whether a line has one budget alone."""
+        return any(len(line.x) == 1 for line in self.lines)
+
+
+class Equal(NamedTuple):
+    """The tables of a place over samples, by its number from 1 on, and of a metric; one of the two may be None."""
+
+    number: int
+    place: Place
+    metric: str
+    axis: Axis
+    by_time: EqualTable | None
+    by_error: EqualTable | None
+
+
+class Curve(NamedTuple):
+    """Log time, of the median, the fastest and the slowest run, and log error of the points of a line, by time."""
+
+    time: Floats
+    low: Floats
+    high: Floats
+    error: Floats
+
+    def error_at(self, time: float) -> Value | None:
+        """Straight between neighbouring points; of a sole one its own error at any time that suffices for it."""
+        at = log(time)
+        if not len(self.time) or at < self.time[0] or (len(self.time) > 1 and at > self.time[-1]):
+            return None
+        # Where runs take less time, less error is reached in it; the slowest may not come to their end.
+        middle, low, high = (exp(float(np.interp(at, t, self.error))) for t in (self.time, self.low, self.high))
+        return Value(middle, min(low, middle), max(high, middle) if at >= self.high[0] else inf)
+
+    def time_at(self, error: float) -> Value | None:
+        """The least time from which on a segment reaches so low an error; None too where the first point is below.
+
+        A sole point takes its own time to any error that is not below its own.
+        """
+        wanted = log(error)
+        if len(self.time) == 1 and self.error[0] <= wanted:
+            return Value(*(exp(float(t[0])) for t in (self.time, self.low, self.high)))
+        if len(self.time) < 2 or self.error[0] < wanted:
+            return None
+        for i, (e0, e1) in enumerate(zip(self.error[:-1].tolist(), self.error[1:].tolist(), strict=True)):
+            if e1 <= wanted <= e0:
+                share = (e0 - wanted) / (e0 - e1) if e0 > e1 else 0.0
+                times = (float(t[i] + share * (t[i + 1] - t[i])) for t in (self.time, self.low, self.high))
+                return Value(*map(exp, times))
+        return None
+
+    def least_error(self, time: float) -> float:
+        """Of the points that take no longer, the lowest error; infinite where there is none."""
+        return exp(self.error[self.time <= log(time)].min(initial=inf))
+
+    def least_time(self, error: float) -> float:
+        """Of the points with no more error, the shortest time; infinite where there is none."""
+        return exp(self.time[self.error <= log(error)].min(initial=inf))
+
+
+def equal_tables(number: int, place: Place, metric: str, lines: Sequence[Measured]) -> Equal | None:
+    """Both tables of a place and metric; None where no two lines can be compared."""
+    axis = axis_of(place, metric)
+    by_time, by_error = error_at_time(lines, axis), time_at_error(lines, axis)
+    return Equal(number, place, metric, axis, by_time, by_error) if by_time or by_error else None
+
+
+def error_at_time(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
+    """The error of each line at round shading times [ms]; None where no two lines share one."""
+    curves = [_curve(line, axis) for line in lines]
+    ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time)]
+    return _table(ends, lines, curves, Curve.error_at, Curve.least_error)
+
+
+def time_at_error(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
+    """The least shading time [ms] at which each line comes down to round errors; None where no two lines share one."""
+    curves = [_curve(line, axis) for line in lines]
+    ends = [(c.error.min(), c.error[0]) for c in curves if len(c.error)]
+    table = _table(ends, lines, curves, Curve.time_at, Curve.least_time)
+    return table and EqualTable(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
+
+
+def _curve(line: Measured, axis: Axis) -> Curve:
+    """Of the points that the reference resolves."""
+    time, error = line.costs["shade"], line.errors
+    low, high = line.spread or (time, time)
+    use = np.isfinite(error) & (error > 0) & (time > 0) & (low > 0) & ~line.at_floor & axis.is_log
+    order = np.argsort(time[use], kind="stable")
+    return Curve(*(np.log(each[use][order]) for each in (time, low, high, error)))
+
+
+def _table(
+    ends: Sequence[tuple[float, float]], lines: Sequence[Measured], curves: Sequence[Curve],
+    value_at: Callable[[Curve, float], Value | None], least_at: Callable[[Curve, float], float],
+) -> EqualTable | None:  # fmt: skip
+    """Columns that two lines or more have a value in, thinned evenly.
+
+    Args:
+        least_at: what a line reached by its points alone: a line without a value may have come lower than the best.
+    """
+    with_points = [(line, curve) for line, curve in zip(lines, curves, strict=True) if len(curve.time)]
+    columns: dict[float, list[Value | None]] = {}
+    for digits in DIGITS:
+        columns = {at: [value_at(curve, at) for _, curve in with_points] for at in _round_values(ends, digits)}
+        columns = {at: found for at, found in columns.items() if sum(value is not None for value in found) > 1}
+        if len(columns) >= FEWEST_COLUMNS:
+            break
+    shared = list(columns)
+    if len(shared) > MOST_COLUMNS:
+        shared = [shared[round(i * (len(shared) - 1) / (MOST_COLUMNS - 1))] for i in range(MOST_COLUMNS)]
+    if not shared:
+        return None
+    rows = [[columns[at][i] for at in shared] for i in range(len(with_points))]
+    best = [_best(columns[at], [least_at(curve, at) for _, curve in with_points]) for at in shared]
+    return EqualTable(shared, [line for line, _ in with_points], rows, best)
+
+
+def _best(column: Sequence[Value | None], least: Sequence[float]) -> int | None:
+    """The place of the lowest value, where its runs do not overlap with those of another, nor is one without lower."""
+    (first, best), *others = sorted(
+        ((i, value) for i, value in enumerate(column) if value is not None), key=lambda pair: pair[1]
+    )
+    unseen = [reached for value, reached in zip(column, least, strict=True) if value is None]
+    return first if all(best.high < other for other in (*unseen, *(value.low for _, value in others))) else None
+
+
+def _round_values(ends: Sequence[tuple[float, float]], digits: Sequence[float]) -> list[float]:
+    """Digits times powers of ten between the ends of the log intervals, all of them together, and the next above.
+
+    The next one, so that there is a column for points that no interval contains.
+    """
+    if not ends:
+        return []
+    low, high = exp(min(low for low, _ in ends)), exp(max(high for _, high in ends))
+    powers = range(floor(log10(low)), floor(log10(high)) + 2)
+    values = [value for power in powers for digit in digits if low <= (value := float(f"{digit}e{power}"))]
+    within = [value for value in values if value <= high]
+    return [*within, values[len(within)]]

@@ -1,0 +1,60 @@
+"""Facts of a report beside its numbers: cells without an image, versions and hardware, options of each condition."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from glossbench.study.labels import listed
+
+from .conditions import Cell, Group
+from .report import Report
+
+# Columns that say by what cells were made, where the provenance of the run tells of one process alone.
+OF_CELLS = {
+    "version": "versions of the cells", "torch": "torch of the cells", "device": "devices of the cells",
+    "seed": "seeds", "light_key": "light keys",
+}  # fmt: skip
+
+
+class Missing(NamedTuple):
+    """A cell without an image, and why: a reason or a traceback, and its last line."""
+
+    group: Group
+    cell: Cell
+    reason: str
+    last: str
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it raised an error; else its method said that it cannot do this."""
+        return bool(self.cell.row["status"] == "failed")
+
+
+def without_image(report: Report) -> list[Missing]:
+    """All cells without an image."""
+    found = []
+    for group in report.groups:
+        for cell in group.cells:
+            if not cell.done:
+                reason = (cell.row["reason"] or "").strip() or "no reason is known"
+                found.append(Missing(group, cell, reason, reason.splitlines()[-1]))
+    return found
+
+
+def provenance(report: Report) -> list[tuple[str, str]]:
+    """By what, when and where the results were made, and all options of each light, material and view."""
+    facts = {key.replace("_", " "): value for key, value in report.provenance.items()}
+    facts |= {title: ", ".join(seen) for column, title in OF_CELLS.items() if (seen := report.seen(column))}
+    if isinstance(report.study.get("reference"), Mapping):
+        facts["reference"] = report.study["reference"]
+    for group in report.groups:
+        stated = (f"{kind}: {listed(options) or 'no options'}" for kind, options in group.options.items())
+        facts[group.title] = "; ".join(stated)
+    return [(name, listed(value) if isinstance(value, Mapping) else str(value)) for name, value in facts.items()]
+
+
+def headline(report: Report) -> list[str]:
+    """With what, when and how much, and what must be said of results that are not whole."""
+    n_done = sum(row["status"] == "done" for row in report.rows)
+    counts = f"{len(report.rows)} cells" + ("" if n_done == len(report.rows) else f", {n_done} of them with an image")
+    version, started = report.provenance.get("glossbench"), str(report.provenance.get("started", ""))[:10]
+    return [text for text in (f"glossbench {version}" if version else "", started, counts, *report.remarks) if text]

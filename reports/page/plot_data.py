@@ -1,0 +1,109 @@
+"""The plots of a page as data: every case of every figure, with what they share stored once."""
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from glossbench.run.figures import FIGURES
+from glossbench.strict_json import dumps
+
+from ..figure import Case
+from ..model.panels import Axis, Ends, Floats, Line, Panel
+from ..model.report import Report
+
+
+class Pool:
+    """JSON values, equal ones once; each is known by its place.
+
+    The costs of a line are the same under every metric, and its errors the same against every cost.
+    """
+
+    def __init__(self) -> None:
+        self.values: list[Any] = []
+        self._places: dict[str, int] = {}
+        self._of_numbers: dict[bytes, int] = {}  # most numbers come again: a look at their bytes is quick
+
+    def add(self, value: Any) -> int:
+        """The place of a value."""
+        text = dumps(value)
+        if text not in self._places:
+            self._places[text] = len(self.values)
+            self.values.append(value)
+        return self._places[text]
+
+    def numbers(self, values: Floats | None) -> int | None:
+        """The place of numbers; of six digits, which are more than a plot or its tip shows; None where not finite."""
+        if values is None:
+            return None
+        found = self._of_numbers.get(stored := np.asarray(values, float).tobytes())
+        if found is None:
+            short = [float(f"{value:.6g}") if isfinite(value) else None for value in values.tolist()]
+            found = self._of_numbers[stored] = self.add(short)
+        return found
+
+    def ends(self, ends: Ends | None) -> list[int | None] | None:
+        """The places of lower and upper ends."""
+        return ends and [self.numbers(end) for end in ends]
+
+
+def plot_data(report: Report) -> dict[str, Any]:
+    """What the script of the plots reads."""
+    pool, found, titles = Pool(), [], dict[str, str]()
+    for name in FIGURES.names():
+        figure = FIGURES.get(name)()
+        if figure.in_reports:
+            titles |= {option: each.title for option, each in figure.options.items() if option not in titles}
+            cases = [_case(case, pool) for case in figure.cases(report)]
+            found.append({"name": name, "options": list(figure.options), "cases": cases})
+    return {"figures": found, "options": titles, "pool": pool.values}
+
+
+def _case(case: Case, pool: Pool) -> dict[str, Any]:
+    given = {
+        name: pool.add({"name": choice.name, "title": choice.title, "part": choice.part})
+        for name, choice in case.choices.items()
+    }
+    return {"given": given, "panels": [_panel(panel, pool) for panel in case.panels.panels], "note": case.panels.note}
+
+
+def _panel(panel: Panel, pool: Pool) -> dict[str, Any]:
+    return {
+        "name": panel.name,
+        "x": pool.add(_axis(panel.x)),
+        "y": pool.add(_axis(panel.y)),
+        "lines": [_line(line, pool) for line in panel.lines],
+        "fronts": pool.add([[i, int(j)] for i, mask in enumerate(panel.fronts) for j in np.flatnonzero(mask)]),
+        "isMain": panel.is_main,
+        "isLastResort": panel.is_last_resort,
+    }
+
+
+def _axis(axis: Axis) -> dict[str, Any]:
+    return {
+        "label": axis.label,
+        "name": axis.name or axis.label,
+        "floor": axis.floor,
+        "isLog": axis.is_log,
+        "hasZero": axis.has_zero,
+        "atValues": axis.at_values,
+        "names": list(axis.names),
+    }
+
+
+def _line(line: Line, pool: Pool) -> list[int | None]:
+    """Places of x, of y, and of all else."""
+    beside = [{"title": each.title, "values": pool.numbers(each.values), "spread": pool.ends(each.spread)}
+              for each in line.beside]  # fmt: skip
+    rest: Mapping[str, Any] = {
+        "label": pool.add(vars(line.label)),
+        "keys": pool.add(list(line.keys)),
+        "hollow": pool.add([bool(at) for at in line.is_hollow]),
+        "band": pool.ends(line.band),
+        "interval": pool.ends(line.interval),
+        "spread": pool.ends(line.spread),
+        "slope": line.slope,
+        "beside": beside,
+    }
+    return [pool.numbers(line.x), pool.numbers(line.y), pool.add(rest)]

@@ -1,0 +1,148 @@
+"""Figures of a report: sample patterns and colour bars; how numbers and plots look.
+
+They are matplotlib figures without global state; `svg` gives the same bytes for the same data, whatever style a user
+has set.
+"""
+
+import re
+import threading
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from io import StringIO
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context, rcParamsDefault
+from matplotlib.figure import Figure
+
+from .raster import SIGNED, UNSIGNED, Floats
+
+INK, PAPER = "#1a1a1a", "#fefefe"
+# A colour a method. Okabe and Ito 2008 without yellow and black, which colour-blind readers tell apart on white and on
+# near-black; after these, for more methods, some of Tol's muted scheme (2021).
+COLOURS = (
+    *("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"),
+    *("#882255", "#999933", "#44aa99", "#7b6fd0", "#117733"),
+)
+SHADES = 0.4  # of the way to white and to black, at most: the lightest and the darkest line of a method
+MARKERS = "osD^vPX"  # one a line: seven against eleven colours
+DASHES: Sequence[Any] = ("-", (0, (5, 1.5)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 1.5)))
+RC: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "ytick.minor.width": 0.4,
+    "xtick.minor.width": 0.4,
+    "lines.linewidth": 1.3,
+    "lines.markersize": 5,
+    "text.parse_math": False,  # a name may hold a dollar sign
+    "svg.fonttype": "none",
+} | dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK)
+
+# All that matplotlib can be told, as it comes; but not where its windows go.
+_PLAIN: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if not key.startswith("backend")}
+_drawing = threading.RLock()  # the parameters are one set for all threads
+
+
+@contextmanager
+def style(parameters: Mapping[Any, Any]) -> Iterator[None]:
+    """The block, or the function that this decorates, draws with these parameters; then the user's are back."""
+    with _drawing, rc_context({**_PLAIN, **parameters}):
+        yield
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number with so many significant digits, as print sets it: 0.0123, 1240, 1.20×10⁻⁶; – for none."""
+    if value is None or np.isnan(value):
+        return "–"
+    if value == 0 or np.isinf(value):
+        return "0" if value == 0 else "∞"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    if -4 <= int(exponent) < 6:
+        return f"{value:.{max(0, digits - 1 - int(exponent))}f}".replace("-", "−")
+    raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa}×10{raised}".replace("-", "−")
+
+
+def tick(value: float) -> str:
+    """A round number with no more digits than it has: 0.05, 1.5, 200, 10⁻⁷."""
+    mantissa = f"{value:.2e}".split("e")[0].rstrip("0").rstrip(".")
+    return number(value, len(mantissa.replace(".", "").replace("-", ""))).removeprefix("1×")
+
+
+def whole(value: float | None) -> str:
+    """A whole number with narrow spaces between thousands."""
+    if value is None:
+        return "–"
+    return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
+
+
+def stops(exposure: float) -> str:
+    """A factor of exposure as photographers have it: +1.5."""
+    return f"{round(float(np.log2(exposure)), 1) + 0.0:+.1f}".replace("-", "−")
+
+
+def looks(methods: Sequence[str], hues: Mapping[str, int]) -> list[tuple[str, int]]:
+    """Of each line, by its method, the colour and the place among the lines of that method, which gives the dashes.
+
+    Args:
+        hues: the place of each method, which gives its colour.
+    """
+    count, place = Counter(methods), Counter[str]()
+    found = []
+    for method in methods:
+        found.append((shade(hues[method], place[method], count[method]), place[method]))
+        place[method] += 1
+    return found
+
+
+def shade(method: int, i: int = 0, n: int = 1) -> str:
+    """The colour of a method's line i of n: a sole one has the colour itself; of several the first is the darkest."""
+    base = COLOURS[method % len(COLOURS)]
+    share = SHADES * (2 * i / (n - 1) - 1) if n > 1 else 0.0
+    target = 255 if share > 0 else 0
+    parts = (int(base[at : at + 2], 16) for at in (1, 3, 5))
+    return "#" + "".join(f"{round(part + abs(share) * (target - part)):02x}" for part in parts)
+
+
+def polar(half_vectors: Floats, largest: float) -> list[tuple[float, float]]:
+    """Half vectors (N, 2), theta and phi, as positions on a disc of radius 100: there theta is `largest` [degrees]."""
+    theta, phi = half_vectors.T
+    radius = 100 * np.degrees(theta) / largest
+    # y goes down on a page.
+    return [
+        (round(float(x), 2), round(float(y), 2))
+        for x, y in zip(radius * np.cos(phi), -radius * np.sin(phi), strict=True)
+    ]
+
+
+@style(RC)
+def colour_bar(limit: float, label: str, signed: bool = True) -> Figure:
+    """The scale of error maps, from -limit or from 0 to +limit."""
+    figure = Figure(figsize=(4.2, 0.62))
+    ax = figure.add_axes((0.05, 0.72, 0.9, 0.26))
+    low, colours = (-limit, SIGNED) if signed else (0.0, UNSIGNED)
+    ax.imshow(np.linspace(0, 1, 255)[None], cmap=colours, aspect="auto", extent=(low, limit, 0, 1))
+    ticks = np.linspace(low, limit, 5)
+    ax.set_xticks(ticks, [number(t, 2) for t in ticks])
+    ax.set_yticks([])
+    ax.spines[:].set_visible(False)
+    ax.set_xlabel(label)
+    return figure
+
+
+def svg(figure: Figure, name: str) -> str:
+    """A figure as <svg>: text stays text, in the ink and on the paper of the page; `name` is unique there."""
+    out = StringIO()
+    with style({**RC, "svg.hashsalt": name}):
+        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        figure.savefig(out, format="svg", transparent=True, metadata=nothing)
+    text = out.getvalue()
+    text = re.sub(r'<g id="[^"]*"', "<g", text[text.index("<svg") :])  # matplotlib numbers them anew in each figure
+    text = text.replace(INK, "currentColor").replace(PAPER, "var(--paper, white)")
+    return text.replace("<svg ", '<svg role="img" ', 1)
