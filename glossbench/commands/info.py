@@ -13,6 +13,7 @@ from rich.text import Text
 from glossbench.catalog.entries import Entry, entries
 from glossbench.commands.completion import everything
 from glossbench.commands.printing import out, print_rows, say
+from glossbench.commands.schema_words import values
 from glossbench.documentation import documentation
 from glossbench.errors import InputError, nearest
 from glossbench.study.installed import study_files
@@ -91,23 +92,6 @@ def _describe_class(kind: str, cls: Any) -> None:
 
 def _word(value: str | bool) -> str:
     return value if isinstance(value, str) else "yes" if value else "no"
-
-
-def values(rule: dict[str, Any]) -> str:
-    """What a JSON Schema property allows, in a few words."""
-    if "anyOf" in rule:
-        return " or ".join(values(part) for part in rule["anyOf"])
-    if "enum" in rule or "const" in rule:
-        return ", ".join(str(value) for value in rule.get("enum", [rule.get("const")]))
-    if "prefixItems" in rule:
-        return f"{len(rule['prefixItems'])} x {values(rule['prefixItems'][0])}"
-    if "items" in rule:
-        return f"list of {values(rule['items'])}"
-    if rule.get("type") == "null":
-        return "none"
-    signs = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
-    limits = ", ".join(f"{sign} {rule[key]}" for key, sign in signs.items() if key in rule)
-    return f"{rule.get('type', 'any')} {limits}".rstrip()
 
 
 def _describe_study(name: str, path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from glossbench.atomic import replacing
 from glossbench.catalog.entries import entries
+from glossbench.commands.schema_words import values
 from glossbench.documentation import attributes, documentation
 from glossbench.options import Options, json_schema
 
@@ -103,8 +104,6 @@ def _stated(cls: type[Options]) -> Iterator[str]:
 
 
 def _options(cls: type[Options]) -> Iterator[str]:
-    from glossbench.commands.info import values
-
     said = attributes(cls)
     for option, rule in json_schema(cls)["properties"].items():
         default = f"`{json.dumps(rule['default'])}`" if "default" in rule else "required"

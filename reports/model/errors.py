@@ -1,9 +1,9 @@
 """Errors of single pixels, each with its formula; the viewer computes the same, and tests compare the numbers."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .panels import Floats
-
+Floats = NDArray[np.float64]
 EPSILON = 0.01  # [radiance], of the relative error
 ERRORS = {
     "signed": ("signed", "mean(x − y) [radiance]"),

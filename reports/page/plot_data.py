@@ -1,6 +1,7 @@
 """The plots of a page as data: every case of every figure, with what they share stored once."""
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ class Pool:
     def __init__(self) -> None:
         self.values: list[Any] = []
         self._places: dict[str, int] = {}
+        self._of_numbers: dict[bytes, int] = {}  # most numbers come again: a look at their bytes is quick
 
     def add(self, value: Any) -> int:
         """The place of a value."""
@@ -35,7 +37,11 @@ class Pool:
         """The place of numbers; of six digits, which are more than a plot or its tip shows; None where not finite."""
         if values is None:
             return None
-        return self.add([float(f"{value:.6g}") if np.isfinite(value) else None for value in values])
+        found = self._of_numbers.get(stored := np.asarray(values, float).tobytes())
+        if found is None:
+            short = [float(f"{value:.6g}") if isfinite(value) else None for value in values.tolist()]
+            found = self._of_numbers[stored] = self.add(short)
+        return found
 
     def ends(self, ends: Ends | None) -> list[int | None] | None:
         """The places of lower and upper ends."""
@@ -45,7 +51,8 @@ class Pool:
 def plot_data(report: Report) -> dict[str, Any]:
     """What the script of the plots reads."""
     pool, found, titles = Pool(), [], dict[str, str]()
-    for name in FIGURES.names():
+    # An option depends on those before it: the figures that ask for the most say in which order all stand.
+    for name in sorted(FIGURES.names(), key=lambda name: -len(FIGURES.get(name).options)):
         figure = FIGURES.get(name)()
         if figure.in_reports:
             titles |= {option: each.title for option, each in figure.options.items() if option not in titles}

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from glossbench.catalog.entries import entries
-from glossbench.commands.info import values as words_of_schema
+from glossbench.commands.schema_words import values as words_of_schema
 from glossbench.options import option_names
 from glossbench.study.installed import study_files
 from glossbench.study.registries import REGISTRIES

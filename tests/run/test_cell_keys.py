@@ -142,7 +142,7 @@ def test_the_metric_of_tuning_and_rms_are_part_of_a_key(study, tmp_path):
 
     by_method = {cell.method.name: cell for cell in load_study(tuned).cells()}
     metrics = {
-        name: [metric for metric, _ in CellKeys(
+        name: [metric for metric, *_ in CellKeys(
             study, Results(tmp_path), StudyLights("cpu", tmp_path), lambda cell, key: nullcontext()
         ).sources.of(cell)["metrics"]] for name, cell in by_method.items()
     }  # fmt: skip

@@ -1,0 +1,20 @@
+"""What an option takes, in a few words."""
+
+from typing import Any
+
+
+def values(rule: dict[str, Any]) -> str:
+    """What a JSON Schema property allows, in a few words."""
+    if "anyOf" in rule:
+        return " or ".join(values(part) for part in rule["anyOf"])
+    if "enum" in rule or "const" in rule:
+        return ", ".join(str(value) for value in rule.get("enum", [rule.get("const")]))
+    if "prefixItems" in rule:
+        return f"{len(rule['prefixItems'])} x {values(rule['prefixItems'][0])}"
+    if "items" in rule:
+        return f"list of {values(rule['items'])}"
+    if rule.get("type") == "null":
+        return "none"
+    signs = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+    limits = ", ".join(f"{sign} {rule[key]}" for key, sign in signs.items() if key in rule)
+    return f"{rule.get('type', 'any')} {limits}".rstrip()
