@@ -64,7 +64,7 @@ def test_the_band_of_one_light_is_the_interval_of_its_cells_by_the_logarithm():
     for row in given:
         row["left_out"] = {"rms": [row["rms"], *[0.99 * row["rms"], 1.01 * row["rms"]] * 4]}
 
-    [first, *_] = lines_at(places(given)[0], "rms")
+    [first, *_] = measured_at(places(given)[0], "rms")
 
     half = 2.364624 * 0.01 * 7**0.5  # Student's t of 7 degrees
     assert np.log(first.band[0] / first.errors) == pytest.approx([-half] * 3, rel=1e-5)
