@@ -23,7 +23,6 @@ BY_HAND = {
     "relative_rms": sqrt(1.5) / 2,
     "relative_l1": 5 / 12,
     "mean_error": 1 / 6,
-    "relative_mean_error": 1 / 12,
     "mean_absolute_error": 5 / 6,
     "mean_relative_error": (1 / 1 + 2 / 3) / 6,
     "max_error": 2.0,
@@ -166,7 +165,6 @@ def scalar(name, picture, truth):
         "relative_rms": sqrt(squared) / (sum(y for _, y in numbers) / n),
         "relative_l1": sum(abs(x - y) for x, y in numbers) / sum(y for _, y in numbers),
         "mean_error": sum(x - y for x, y in numbers) / n,
-        "relative_mean_error": sum(x - y for x, y in numbers) / sum(y for _, y in numbers),
         "mean_absolute_error": sum(abs(x - y) for x, y in numbers) / n,
         "mean_relative_error": sum(abs(x - y) / y for x, y in numbers if y > 0) / n,
         "max_error": max(abs(x - y) for x, y in numbers),
@@ -254,7 +252,6 @@ FROM_MAP = {
     "relative_rms": lambda e: sqrt((e**2).mean()),
     "relative_l1": lambda e: e.mean(),
     "mean_error": lambda e: e.mean(),
-    "relative_mean_error": lambda e: e.mean(),
     "max_error": lambda e: e.max(),
     "mrse": lambda e: e.mean(),
     "mrse_trimmed": lambda e: np.sort(e)[: e.size - e.size // 1000].mean(),
@@ -604,7 +601,7 @@ def test_every_metric_says_what_it_is(name):
     assert metric.formula
     assert metric.unit
     assert metric.map_formula
-    assert metric.signed == (name in ("mean_error", "relative_mean_error"))
+    assert metric.signed == (name == "mean_error")
     assert metric.lower_is_better == (name != "ssim")
 
 
