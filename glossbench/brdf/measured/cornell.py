@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 import torch
+from jaxtyping import Float
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from torch import Tensor
@@ -18,6 +19,7 @@ from glossbench.directions import Vec3, spherical
 from glossbench.errors import InputError
 from glossbench.factorization import FactorMap, factorize, grid_laplacian, grid_rows
 from glossbench.file_bytes import require_size
+from glossbench.shapes import Directions
 
 Floats = NDArray[np.float64]
 # Nodes of p lie at the tens of degrees, where the goniometer stood: between them maps of nothing but samples at tens
@@ -35,8 +37,8 @@ class FactoredTable:
     """f = p(theta_o) q(theta_h, theta_d) p(theta_i), logarithms linear between texels.
 
     Attributes:
-        p: log p at 0, 10 ... 90 degrees, a channel (10,).
-        q: log q, a channel, flat over (theta_d, theta_h), (19 * 20,): at 0, 5 ... 90 degrees of theta_d and at
+        p: log p at 0, 10 ... 90 degrees, a channel.
+        q: log q, a channel, flat over (theta_d, theta_h): at 0, 5 ... 90 degrees of theta_d and at
             ((i + 1/2) / 20)^2 pi/2 of theta_h.
         near: flat over (theta_i, theta_o, azimuth between them): a sample lies within 7 degrees.
 
@@ -45,11 +47,11 @@ class FactoredTable:
     paints, which Fresnel's equations make 70 times as strong towards grazing angles.
     """
 
-    p: Channels
-    q: Channels
+    p: tuple[Float[Tensor, "10"], ...]
+    q: tuple[Float[Tensor, "19*20"], ...]
     near: Tensor
 
-    def value(self, wo: Vec3, wi: Vec3) -> Channels:
+    def value(self, wo: Directions, wi: Directions) -> Channels:
         """The product; where nothing was measured what the factors make of it."""
         theta_h, theta_d, _ = half_difference(wo, wi)
         ends = [_between(_place(torch.acos(v.z.clamp(0, 1)), ENDS), ENDS) for v in (wo, wi)]
