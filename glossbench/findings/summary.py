@@ -1,4 +1,4 @@
-"""Summaries: what a finished study found, without its images, small enough to be kept beside the source."""
+"""Summaries: what a finished study found, without its images, small enough to be kept in the repository."""
 
 import json
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ class Summary:
     """What one run of a study found.
 
     Attributes:
-        study: as it was resolved.
+        study: the resolved study.
         claims: the verdicts.
         provenance: versions, machine, times.
         cells: one row for each cell.
@@ -43,7 +43,7 @@ class Summary:
         """The summary in a folder.
 
         Raises:
-            InputError: one of its files is not there.
+            InputError: one of its files is missing.
         """
         missing = [name for name in FILES if not (folder / name).is_file()]
         if missing:
@@ -56,7 +56,7 @@ class Summary:
         )
 
     def write(self, folder: Path) -> None:
-        """Write the summary into a folder: nothing in it names a folder of this machine."""
+        """Write the summary into a folder. Nothing in it names a folder of this machine."""
         folder.mkdir(parents=True, exist_ok=True)
         texts = {
             "study.yaml": dump(_without_folders(self.study)),
@@ -72,7 +72,7 @@ class Summary:
 
 
 def _shortened(value: Any) -> Any:
-    """A text of a cell: of JSON the same with the names of files alone, of a traceback its last line."""
+    """A text of a cell, shortened: JSON without the folders of files, only the last line of a traceback."""
     if not isinstance(value, str):
         return value
     if value.startswith(("{", "[")):
@@ -81,7 +81,7 @@ def _shortened(value: Any) -> Any:
 
 
 def _without_folders(value: Any, key: str = "") -> Any:
-    """JSON data in which each option `file` has the name of the file alone."""
+    """JSON data in which each option `file` is the file's name without its folder."""
     if isinstance(value, Mapping):
         return {name: _without_folders(each, name) for name, each in value.items()}
     if isinstance(value, list):
