@@ -11,15 +11,16 @@ from glossbench.study.labels import differing, told_apart
 from glossbench.study.registries import REGISTRIES
 
 WITHIN_NOISE = (
-    "the 95 % interval contains what the number is compared with, so the reference cannot tell on which side it is"
+    "the 95 % interval contains what the number is compared with, so the reference is not accurate enough to say on "
+    "which side it is"
 )
-WITHIN_MARGIN = "the two differ by less than the claim's margin, for certain"
+WITHIN_MARGIN = "the two differ by less than the claim's margin, with certainty"
 INTERVAL = (
-    "where the number would be for a perfect reference, in 95 of 100 cases; from the replicates of the reference and, "
-    "where a method has several seeds, from their spread"
+    "in 95 of 100 cases it contains the number that a perfect reference would give; it comes from the replicates of "
+    "the reference and, if a method has several seeds, from their spread"
 )
 FLOOR = (
-    "the RMS error is below twice the noise of the reference, so the reference cannot tell how large the error is; "
+    "the RMS error is below twice the noise of the reference, so the reference is not accurate enough to measure it; "
     "all such cells are equally good"
 )
 
