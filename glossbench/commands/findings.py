@@ -1,4 +1,4 @@
-"""`glossbench findings`: the page of what studies found."""
+"""`glossbench findings`: the page with the verdicts of all studies."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,13 +13,13 @@ from glossbench.study.installed import study_files
 def findings(
     results: Annotated[
         list[Path] | None,
-        typer.Argument(help="Folders that finished runs made.", autocompletion=result_folders),
+        typer.Argument(help="Folders of finished runs.", autocompletion=result_folders),
     ] = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="The page; summaries are kept in a folder of this name without .md.")
+        Path, typer.Option("-o", "--output", help="The page; summaries go to a folder of this name without .md.")
     ] = Path("findings.md"),
 ) -> None:
-    """Write a page of verdicts: of these results, and of the summaries of earlier ones that the page has kept."""
+    """Write a page of verdicts, from these results and from the stored summaries of earlier results."""
     from glossbench.atomic import replacing
     from glossbench.errors import InputError
     from glossbench.findings.page import findings_page
