@@ -9,8 +9,9 @@ from glossbench.errors import InputError
 from glossbench.options import Options
 from glossbench.provenance import code_hash
 from glossbench.run.attempts import OUR_TRIES, TRIES, Attempt
+from glossbench.run.cell_files import key_of
 from glossbench.run.cell_items import Made, Sources
-from glossbench.run.results import Results, key_of
+from glossbench.run.results import Results
 from glossbench.run.study_lights import Changed, StudyLights
 from glossbench.study.cells import Candidate, Cell
 from glossbench.study.study import Study

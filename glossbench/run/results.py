@@ -17,43 +17,29 @@ references/KEY.exr  a reference. KEY_standard_error.exr is its standard error, K
                     its groups of replicates, KEY_mask.png its pixels, KEY.json its numbers
 """
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas
-from numpy.typing import NDArray
-from PIL import Image as Picture
-from torch import Tensor
 
-from glossbench.atomic import replacing
-from glossbench.envmap.formats.files import read_pixels, write_exr
 from glossbench.errors import InputError
 from glossbench.findings.columns import Column, columns_from_json, columns_of, columns_to_json, metric_columns
 from glossbench.findings.descriptions import Descriptions, describe_study
 from glossbench.findings.verdicts import judge
-from glossbench.run.folder import Folder
+from glossbench.run.cell_files import CellFiles
 from glossbench.run.manifest import COMPARED, KEPT, SUMMARY, Manifest, entry, listed
-from glossbench.shading.image import Image
-from glossbench.strict_json import dumps, loads, numbers
+from glossbench.strict_json import dumps, loads
 from glossbench.study.claims import stated_claims
 from glossbench.study.document import dump, read_document
 from glossbench.study.labels import with_names
-from glossbench.truth.reference import Reference
 
 AGAIN = "; the same `glossbench run` makes it again"
 
 
-def key_of(parts: Any) -> str:
-    """A key for files: the first 80 bits of the SHA-256 of JSON data."""
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:20]
-
-
-class Results:
+class Results(CellFiles):
     """The results of one study in a folder, to be read or extended.
 
     Args:
@@ -62,10 +48,6 @@ class Results:
     Raises:
         InputError: the folder cannot be made or written (begin), or does not hold results (read).
     """
-
-    def __init__(self, folder: Path | str) -> None:
-        self.folder = Path(folder)
-        self.disk = Folder(self.folder)
 
     @classmethod
     def open(cls, folder: Path | str) -> "Results":
@@ -145,67 +127,6 @@ class Results:
         self.disk.write_table("cells.parquet", with_names(rows))
         files = {name: self.disk.checksum(name) for name in (*SUMMARY, *KEPT)}
         Manifest(tuple(map(entry, rows)), {**old.files, **files}, True).write(self.folder)
-
-    # Cells.
-
-    def has_cell(self, key: str) -> bool:
-        """Whether this cell is done, skipped or failed."""
-        return self.disk.path(f"cells/{key}.json").is_file()
-
-    def remove_cell(self, key: str) -> None:
-        """Remove the row of a cell, so that it counts as new."""
-        self.disk.path(f"cells/{key}.json").unlink(missing_ok=True)
-
-    def cell(self, key: str) -> dict[str, Any]:
-        """The row of one cell; ValueError if its file is damaged."""
-        return numbers(self.disk.read(f"cells/{key}.json"))
-
-    def damage_of_cell(self, key: str) -> str:
-        """The damage to the files of an existing cell, in words; "" if all are as they were written."""
-        return self.disk.damage(f"cells/{key}.json")
-
-    def add_cell(self, row: dict[str, Any], image: Image | None, half_vectors: NDArray[np.float32] | None) -> None:
-        """Write a cell. Its row comes last, because the row marks the cell as done."""
-        key, written = row["key"], []
-        for path in self.disk.path("images").glob(f"{key}_flip_*.npz"):
-            path.unlink(missing_ok=True)  # a map of the image that is replaced now
-        if image is not None:
-            written = [self._write_image(f"images/{key}.exr", image.radiance)]
-            for name, picture in image.pictures.items():
-                written.append(self._write_image(f"images/{key}_state_{name}.exr", picture.cpu()))
-        if half_vectors is not None:
-            written.append(f"images/{key}_half_vectors.npy")
-            with replacing(self.disk.path(written[-1])) as part, part.open("wb") as file:
-                np.save(file, half_vectors)
-        self.disk.write_with(f"cells/{key}.json", row, written)
-
-    # References.
-
-    def has_reference(self, key: str) -> bool:
-        """Whether this reference is done."""
-        return self.disk.path(f"references/{key}.json").is_file()
-
-    def damage_of_reference(self, key: str) -> str:
-        """The damage to the files of an existing reference, in words; "" if all are as they were written."""
-        return self.disk.damage(f"references/{key}.json")
-
-    def add_reference(self, key: str, truth: Reference, seconds: float) -> None:
-        """Write a reference. Its numbers come last, because they mark it as done."""
-        written = [
-            self._write_image(f"references/{key}.exr", truth.radiance),
-            self._write_image(f"references/{key}_standard_error.exr", truth.standard_error),
-            f"references/{key}_deviates.npz",
-            f"references/{key}_mask.png",
-        ]
-        with replacing(self.disk.path(written[2])) as part, part.open("wb") as file:
-            np.savez_compressed(file, deviates=truth.deviates.numpy())
-        with replacing(self.disk.path(written[-1])) as part:
-            Picture.fromarray(truth.mask.numpy().astype(np.uint8) * 255).save(part, format="PNG")
-        self.disk.write_with(f"references/{key}.json", {"n_samples": truth.n_samples, "seconds": seconds}, written)
-
-    def reference_numbers(self, key: str) -> dict[str, Any]:
-        """n_samples and seconds of a reference."""
-        return self.disk.read(f"references/{key}.json")
 
     # The whole study.
 
@@ -289,46 +210,6 @@ class Results:
         altered = [self.disk.fault(name) for name in (*SUMMARY, *KEPT) if self.disk.is_altered(name)]
         lines = [f"{first}{more}{AGAIN}" for first in damaged[:1]] + [f"{line}{AGAIN}" for line in altered]
         return (found if len(cells) < len(of) else []) + lines
-
-    def image(self, key: str) -> NDArray[np.float32]:
-        """Radiance (H, W, 3) of a cell's image."""
-        return self._pixels(f"images/{key}.exr")
-
-    def reference(self, key: str) -> NDArray[np.float32]:
-        """Radiance (H, W, 3) of a reference."""
-        return self._pixels(f"references/{key}.exr")
-
-    def standard_error(self, key: str) -> NDArray[np.float32]:
-        """Standard error (H, W, 3) of a reference."""
-        return self._pixels(f"references/{key}_standard_error.exr")
-
-    def deviates(self, key: str) -> NDArray[np.float16]:
-        """Deviations (G, H, W, 3) of the groups of replicates of a reference [standard errors]."""
-        with self.disk.path(f"references/{key}_deviates.npz").open("rb") as file, np.load(file) as stored:
-            return np.asarray(stored["deviates"])
-
-    def mask(self, key: str) -> NDArray[np.bool_]:
-        """Pixels (H, W) of a reference that show the surface."""
-        with Picture.open(self.disk.path(f"references/{key}_mask.png")) as picture:
-            return np.asarray(picture) > 0
-
-    def half_vectors(self, key: str) -> NDArray[np.float32] | None:
-        """The pattern (N, 2), theta and phi, of a cell; None if the method has none."""
-        path = self.disk.path(f"images/{key}_half_vectors.npy")
-        return np.load(path, allow_pickle=False) if path.is_file() else None
-
-    def pictures(self, key: str) -> dict[str, NDArray[np.float32]]:
-        """Pictures (H, W, 3) of the state of a cell's method, by name."""
-        stem = f"{key}_state_"
-        names = sorted(path.name for path in self.disk.path("images").glob(f"{stem}*.exr"))
-        return {name.removeprefix(stem).removesuffix(".exr"): self._pixels(f"images/{name}") for name in names}
-
-    def _pixels(self, name: str) -> NDArray[np.float32]:
-        return np.asarray(read_pixels(self.disk.path(name)))
-
-    def _write_image(self, name: str, image: Tensor) -> str:
-        write_exr(self.disk.path(name), image)
-        return name
 
     def _study_before(self) -> dict[str, Any] | None:
         """The study on disk; None if it cannot be read or is not complete."""

@@ -11,7 +11,7 @@ from glossbench.errors import InputError, MethodError
 from glossbench.options import copy_of
 from glossbench.process.state import is_foreign
 from glossbench.run.attempts import Attempt
-from glossbench.run.results import key_of
+from glossbench.run.cell_files import key_of
 from glossbench.shading.outputs import key_text, notes_of
 from glossbench.study.cells import text_of
 

@@ -2,7 +2,6 @@
 
 import math
 from math import inf, sqrt
-from pathlib import Path
 from types import SimpleNamespace
 
 import flip_evaluator
@@ -603,15 +602,6 @@ def test_every_metric_says_what_it_is(name):
     assert metric.map_formula
     assert metric.signed == (name == "mean_error")
     assert metric.lower_is_better == (name != "ssim")
-
-
-def test_the_conventions_list_every_metric_with_its_unit():
-    lines = (Path(__file__).parents[2] / "docs" / "conventions.md").read_text().splitlines()
-
-    told = [line.split(" | ") for line in lines if line.startswith("| `")]
-
-    named = {line[0].strip("|` "): line[-1].strip("| ") for line in told if len(line) == 4}
-    assert named == {name: METRICS.get(name).unit for name in EVERY}
 
 
 def test_an_unknown_metric_offers_the_nearest():

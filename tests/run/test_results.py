@@ -12,8 +12,10 @@ import pytest
 import torch
 
 from glossbench import atomic
+from glossbench.atomic import replacing
 from glossbench.errors import InputError
-from glossbench.run.results import Results, key_of, replacing
+from glossbench.run.cell_files import key_of
+from glossbench.run.results import Results
 from glossbench.shading.image import Image
 from glossbench.truth.reference import Reference
 
