@@ -39,8 +39,8 @@ class CookTorrance(Material):
     Attributes:
         m: Beckmann slopes m_x, m_y along t and b, in (0, 1]; a scalar is isotropic.
         f0: reflectance at normal incidence, a scalar or RGB in [0, 1].
-        factor: "1/4", which follows from the integral of D cos_h = 1, or "1/pi", the constant of the paper. As D is
-            normalised here, unlike in the paper, "1/pi" gives 4 / pi times the energy of "1/4".
+        factor: "1/4", which follows from the integral of D cos_h = 1, or "1/pi", the constant of the paper. D is
+            normalised here, unlike in the paper: with it "1/pi" gives 4 / pi times the radiance of "1/4".
         ks: factor of the lobe, a scalar or RGB in [0, 1].
         kd: diffuse albedo, a scalar or RGB in [0, 1].
 

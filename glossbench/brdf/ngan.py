@@ -82,7 +82,7 @@ class Ngan(Material):
         return self.fitted().reflectance(device)
 
     def key(self) -> str:
-        """That of the fit."""
+        """The key of the fit."""
         return f"ngan:{self.fitted().key()}"
 
     def _entry(self) -> str:
