@@ -1,4 +1,4 @@
-"""The model of Cook and Torrance 1982: Beckmann facets that shadow each other as V-shaped grooves do."""
+"""The model of Cook and Torrance 1982: Beckmann facets that shadow each other like V-shaped grooves."""
 
 from dataclasses import dataclass
 from math import pi
@@ -18,7 +18,7 @@ from glossbench.shapes import Directions, Values
 class Grooves(Beckmann):
     """f = ks F(c) D(h) G factor / (cos_i cos_o), D Beckmann's, G = min(1, 2 cos_h cos_o / c, 2 cos_h cos_i / c).
 
-    Source: G, Torrance and Sparrow 1967, as Cook and Torrance 1982.
+    Source: G, Torrance and Sparrow 1967, as in Cook and Torrance 1982.
     """
 
     factor: Tensor

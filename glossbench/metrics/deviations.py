@@ -1,4 +1,4 @@
-"""Mean absolute and mean relative errors, as papers tabulate them."""
+"""Mean absolute and mean relative errors, which are common in tables of papers."""
 
 import numpy as np
 
