@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 import torch
+from jaxtyping import Float
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from torch import Tensor
@@ -18,6 +19,7 @@ from glossbench.directions import Vec3, spherical
 from glossbench.errors import InputError
 from glossbench.factorization import FactorMap, factorize, grid_laplacian, grid_rows
 from glossbench.file_bytes import require_size
+from glossbench.shapes import Directions
 
 Floats = NDArray[np.float64]
 # Nodes of p lie at multiples of 10 degrees, where the goniometer measured: no sample would determine a node between
@@ -45,11 +47,11 @@ class FactoredTable:
     car paints, which Fresnel's equations make 70 times as strong towards grazing angles.
     """
 
-    p: Channels
-    q: Channels
+    p: tuple[Float[Tensor, "10"], ...]
+    q: tuple[Float[Tensor, "19*20"], ...]
     near: Tensor
 
-    def value(self, wo: Vec3, wi: Vec3) -> Channels:
+    def value(self, wo: Directions, wi: Directions) -> Channels:
         """The product of the factors, also where nothing was measured."""
         theta_h, theta_d, _ = half_difference(wo, wi)
         ends = [_between(_place(torch.acos(v.z.clamp(0, 1)), ENDS), ENDS) for v in (wo, wi)]

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from glossbench.brdf.measured.half_difference import half_difference
 from glossbench.channels import LARGEST, Channels
 from glossbench.directions import Vec3
 from glossbench.errors import InputError
+from glossbench.shapes import Directions
 
 SHAPE = (90, 90, 180)  # theta_h, theta_d, phi_d
 SCALES = (1 / 1500, 1.15 / 1500, 1.66 / 1500)  # of red, green, blue: stored value -> 1/sr
@@ -33,10 +35,10 @@ class HalfDifferenceTable:
     Source: Matusik et al. 2003; coordinates, Rusinkiewicz 1998.
     """
 
-    values: Channels
+    values: tuple[Float[Tensor, "cells"], ...]
     measured: Tensor
 
-    def value(self, wo: Vec3, wi: Vec3) -> Channels:
+    def value(self, wo: Directions, wi: Directions) -> Channels:
         """The value of the cell."""
         at = _cell(wo, wi)
         return tuple(channel[at] for channel in self.values)

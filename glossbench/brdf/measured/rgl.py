@@ -15,6 +15,7 @@ from glossbench.brdf.measured.tensor_file import read_tensors
 from glossbench.channels import LARGEST, Channels, scalar
 from glossbench.directions import Vec3, half_vector
 from glossbench.errors import InputError
+from glossbench.shapes import Directions
 
 FIELDS = {"theta_i": 1, "phi_i": 1, "sigma": 2, "ndf": 2, "vndf": 4, "luminance": 4, "rgb": 5, "jacobian": 1}
 
@@ -71,7 +72,7 @@ class AdaptiveTable:
     filled: Slices
     widest: Tensor
 
-    def value(self, wo: Vec3, wi: Vec3) -> Channels:
+    def value(self, wo: Directions, wi: Directions) -> Channels:
         """f [1/sr]; where nothing was measured it is the value that the authors extrapolated."""
         view, u_x, u_y = self._unit(wo, wi)
         s_x, s_y = self._unfolded(view, u_x, u_y)
