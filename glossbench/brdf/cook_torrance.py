@@ -1,4 +1,4 @@
-"""The model of Cook and Torrance 1982: Beckmann facets that shadow each other as V-shaped grooves do."""
+"""The model of Cook and Torrance 1982: Beckmann facets that shadow each other like V-shaped grooves."""
 
 from dataclasses import dataclass
 from math import pi
@@ -18,7 +18,7 @@ from glossbench.shapes import Directions, Values
 class Grooves(Beckmann):
     """f = ks F(c) D(h) G factor / (cos_i cos_o), D Beckmann's, G = min(1, 2 cos_h cos_o / c, 2 cos_h cos_i / c).
 
-    Source: G, Torrance and Sparrow 1967, as Cook and Torrance 1982.
+    Source: G, Torrance and Sparrow 1967, as in Cook and Torrance 1982.
     """
 
     factor: Tensor
@@ -39,8 +39,8 @@ class CookTorrance(Material):
     Attributes:
         m: Beckmann slopes m_x, m_y along t and b, in (0, 1]; a scalar is isotropic.
         f0: reflectance at normal incidence, a scalar or RGB in [0, 1].
-        factor: "1/4", which follows from the integral of D cos_h = 1, or "1/pi", the constant of the paper. As D is
-            normalised here, unlike in the paper, "1/pi" gives 4 / pi times the energy of "1/4".
+        factor: "1/4", which follows from the integral of D cos_h = 1, or "1/pi", the constant of the paper. D is
+            normalised here, unlike in the paper: with it "1/pi" gives 4 / pi times the radiance of "1/4".
         ks: factor of the lobe, a scalar or RGB in [0, 1].
         kd: diffuse albedo, a scalar or RGB in [0, 1].
 

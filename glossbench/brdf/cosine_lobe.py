@@ -1,4 +1,4 @@
-"""Generalised cosine lobes: a power of the cosine to an axis that a diagonal matrix makes of wo."""
+"""Generalised cosine lobes: a power of the cosine to an axis, the product of a diagonal matrix and wo."""
 
 from dataclasses import dataclass
 from math import pi, sqrt

@@ -74,7 +74,7 @@ class TrowbridgeReitz(Microfacet):
         return Sample(wi, self.D(h) * self.pdf_over_D(wo, h, c), tuple(F * weight for F in self.F(c)))
 
     def pdf_over_D(self, wo: Directions, h: Directions, c: Values) -> Values:
-        """G1(wo) / (4 cos_o): the density of visible normals, D G1 c / cos_o, over 4 c."""
+        """G1(wo) / (4 cos_o): the density of visible normals, D G1 c / cos_o, divided by 4 c and D."""
         return 1 / ((1 + self._lambda(wo)) * 4 * wo.z.clamp(min=1e-6))
 
     def _lambda(self, v: PairDirections) -> PairValues:

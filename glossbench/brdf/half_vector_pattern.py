@@ -13,7 +13,7 @@ class HalfVectorPattern:
     vectors of its own samples. The default is Beckmann's D. The module lobe defines the letters.
 
     Attributes:
-        widths: of D along t and b: Beckmann slopes m_x, m_y or GGX alpha_x, alpha_y.
+        widths: widths of D along t and b: Beckmann slopes m_x, m_y or GGX alpha_x, alpha_y.
 
     Source: Luksch et al. 2014 section 5.
     """

@@ -19,7 +19,7 @@ from glossbench.shapes import Directions, Values
 class FreeShadowing(Beckmann):
     """f = ks F(c) D(h) / (4 c (cos_i cos_o)^shadowing), c = wo . h, D Beckmann's.
 
-    Source: Kurt et al. 2010, as Luksch et al. 2014 eq. 2 to 5.
+    Source: Kurt et al. 2010, as in Luksch et al. 2014 eq. 2 to 5.
     """
 
     shadowing: Tensor

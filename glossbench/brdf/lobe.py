@@ -43,7 +43,7 @@ class Lobe(HalfVectorPattern):
     model whose density of half vectors is not Beckmann's defines its own (see `HalfVectorPattern`).
 
     Attributes:
-        widths: of D along t and b: Beckmann slopes m_x, m_y or GGX alpha_x, alpha_y.
+        widths: widths of D along t and b: Beckmann slopes m_x, m_y or GGX alpha_x, alpha_y.
         ks: factor of the whole lobe per channel.
     """
 

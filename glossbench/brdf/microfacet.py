@@ -69,7 +69,7 @@ class Beckmann(Microfacet):
 
     Half vectors are sampled with density D cos_h, so the density of wi is D cos_h / (4 c).
 
-    Source: Beckmann and Spizzichino 1963; anisotropic as Kurt et al. 2010; Luksch et al. 2014 eq. 4 to 7 and 10.
+    Source: Beckmann and Spizzichino 1963; anisotropic as in Kurt et al. 2010; Luksch et al. 2014 eq. 4 to 7 and 10.
     """
 
     def sample_points(self, u: UnitSquare) -> HalfVectors:

@@ -58,7 +58,7 @@ class Ngan(Material):
         super().__post_init__()
         if self.file is None and self.model == "ward_duer":
             raise InputError("ngan.model 'ward_duer' needs a file: the catalogue has no table of it")
-        if self.file is not None or entry(self._entry()).local() is not None:  # nothing is fetched before a run
+        if self.file is not None or entry(self._entry()).local() is not None:  # before a run nothing is downloaded
             self.fitted()
 
     @classmethod
@@ -82,7 +82,7 @@ class Ngan(Material):
         return self.fitted().reflectance(device)
 
     def key(self) -> str:
-        """That of the fit."""
+        """The key of the fit."""
         return f"ngan:{self.fitted().key()}"
 
     def _entry(self) -> str:

@@ -44,7 +44,7 @@ class Phong(Material):
         s: exponent, in [0, 1e5]; for 0 the lobe is constant on the hemisphere about r.
         ks: factor of the lobe, a scalar or RGB in [0, 1].
         kd: diffuse albedo, a scalar or RGB in [0, 1].
-        foreshortening: whether the lobe is multiplied by cos_i, as physics asks.
+        foreshortening: whether the light that the lobe reflects is weakened by cos_i, as for every other lobe.
 
     Source: Lafortune and Willems 1994, "Using the modified Phong reflectance model for physically based rendering";
     without foreshortening Phong 1975, and Knuth et al. 2014 eq. 4.

@@ -29,7 +29,7 @@ class Entry:
         sha256: the hash of its bytes.
         bytes: its size [bytes].
         licence: what its authors allow, in their words.
-        stresses: which property of a method it tests.
+        stresses: why it is useful in a study, in a few words.
         reading: for an environment, how to read its file: options of the light `file`.
     """
 

@@ -11,7 +11,7 @@ def locate(file: str, beside: Path | None = None, what: str = "image file") -> P
     """Finds an existing file by its path, tried in this order: as given, relative to the study, among the public files.
 
     Raises:
-        InputError: no such file in any of these places.
+        InputError: the file is not in any of these places.
     """
     folder = os.environ.get(DATA_VARIABLE)
     for place in [Path(file), *([beside / file] if beside else [])]:

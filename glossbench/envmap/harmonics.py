@@ -50,7 +50,7 @@ def project(light: CubeMap, order: int) -> Tensor:
 
 
 def irradiance_coefficients(light: CubeMap) -> Tensor:
-    """Coefficients of E(n) = integral of L max(n . wi, 0) dwi by bands 0 to 2: (9, 3), float32.
+    """Coefficients of E(n) = integral of L max(n . wi, 0) dwi in bands 0 to 2: (9, 3), float32.
 
     E_lm = A_l L_lm with A = pi, 2 pi / 3, pi / 4. Bands above 2 are left out: at most a few percent for natural light;
     E may be negative opposite a single strong light.

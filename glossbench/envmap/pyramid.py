@@ -118,7 +118,7 @@ def finest(light: CubeMap) -> Pyramid:
 
 
 def build_pyramid(light: CubeMap, mip_filter: MipFilter) -> Pyramid:
-    """All levels of a light, each filtered from the one before, across edges too.
+    """All levels of a light; each is filtered from the level before, also across edges.
 
     A coarse texel is the separable weighted mean of the 2x2, 4x4 or 6x6 fine texels around it. As in the paper and on
     graphics hardware, texels are not weighted by solid angle.
@@ -182,6 +182,6 @@ def weighted_radiance(environment: Environment, d: Directions, lod: Values | Non
 
 
 def lookup(environment: Environment, d: PointDirections, lod: Float[Tensor, "points"] | None = None) -> Radiance:
-    """Radiance in directions, at levels."""
+    """Radiance for directions and levels."""
     column = Vec3(*(c[:, None] for c in d))
     return weighted_radiance(environment, column, None if lod is None else lod[:, None], (torch.ones_like(column.x),))

@@ -1,4 +1,4 @@
-"""Mean absolute and mean relative errors, as papers tabulate them."""
+"""Mean absolute and mean relative errors, which are common in tables of papers."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class MeanAbsoluteError(Metric):
 
 @METRICS.register("mean_relative_error")
 class MeanRelativeError(Metric):
-    """Mean of the absolute error divided by the reference at the same pixel and channel; 0 where the reference is 0.
+    """Mean of the absolute error divided by the reference, per pixel and channel; 0 where the reference is not above 0.
 
     The darkest values that are not black decide it.
     """

@@ -26,7 +26,7 @@ class HasRadiance(Protocol):
 
 @runtime_checkable
 class HasNoise(Protocol):
-    """A reference: it knows the standard error of its radiance, which an image does not."""
+    """A reference: unlike an image, it has the standard error of its radiance."""
 
     @property
     def standard_error(self) -> Picture: ...
@@ -68,7 +68,7 @@ class Metric(Options):
 
     @settled()
     def error_map(self, image: HasRadiance, truth: HasRadiance) -> ErrorMap:
-        """The error of each pixel, zero outside the mask; raises as the number does."""
+        """The error of each pixel, zero outside the mask; it raises the same errors as the number."""
         x, y, mask = _compared(image, truth)
         return np.where(mask, self.errors(x, y, mask), 0.0)
 

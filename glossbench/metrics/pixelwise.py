@@ -1,4 +1,4 @@
-"""Metrics that look at one pixel at a time, in linear radiance."""
+"""Metrics of single pixels in linear radiance."""
 
 from typing import Annotated
 

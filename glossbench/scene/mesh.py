@@ -169,7 +169,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _vertex_normals(v: Floats, f: NDArray[np.int64]) -> Floats:
-    """Mean of the normals of the faces around a vertex, weighted by their angles there."""
+    """Mean of the normals of the faces around each vertex, weighted by their angles at this vertex."""
     corners = v[f]
     ahead = _unit((np.roll(corners, -1, 1) - corners).reshape(-1, 3)).reshape(corners.shape)
     angles = np.arccos(np.clip(-(ahead * np.roll(ahead, 1, 1)).sum(2), -1, 1))

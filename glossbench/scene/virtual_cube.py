@@ -17,7 +17,7 @@ LEAST_COSINE = 1e-6
 
 @VIEWS.register("virtual_cube")
 class VirtualCube(View):
-    """Every pair of texels of a cube as a normal (row) and a view (column); pairs with n . v <= 0 are not shown.
+    """Every pair of texels of a cube as a normal (row) and a view (column), if their dot product is above 0.
 
     For every method, errors over its pixels are errors over samples of the lighting function. Rows and columns are in
     the order (face, row, column) of the texels. The tangent follows from the world's +x, see `tangent`.

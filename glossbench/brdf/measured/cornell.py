@@ -68,7 +68,7 @@ class FactoredTable:
         return tuple(found)
 
     def known(self, wo: Vec3, wi: Vec3) -> Tensor:
-        """Whether a sample is near."""
+        """Whether a sample lies within 7 degrees."""
         i, o = (((torch.acos(v.z.clamp(0, 1)) * (2 * CELLS / pi)).int()).clamp(0, CELLS - 1) for v in (wi, wo))
         across, along = wo.x * wi.y - wo.y * wi.x, wo.x * wi.x + wo.y * wi.y
         phi = (torch.atan2(across.abs(), along) * (CELLS / pi)).int().clamp(0, CELLS - 1)

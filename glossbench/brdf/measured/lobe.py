@@ -27,7 +27,7 @@ class Table(Protocol):
 class MeasuredLobe(Lobe):
     """f = ks times the value of a table.
 
-    Its half vectors are drawn by `HalfVectorDensity`, so that the density of wi is p(h) / (4 c).
+    `HalfVectorDensity` draws the half vectors, so the density of wi is p(h) / (4 c).
 
     Attributes:
         known_only: whether f is 0 where nothing was measured; otherwise it is the extrapolated value of the table.

@@ -15,7 +15,7 @@ TYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8: 
 
 
 def read_tensors(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a tensor file of version 1.0 by name.
+    """The arrays of a tensor file of version 1.0, by name.
 
     The file begins with 12 bytes "tensor_file" and zero, two bytes of the version and the uint32 number of arrays. Each
     array has: uint16 length of the name, the name, uint16 number of axes, uint8 type, uint64 offset in the file, uint64

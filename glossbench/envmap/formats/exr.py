@@ -19,7 +19,7 @@ from glossbench.errors import CannotWrite, InputError
 
 KIND = "an OpenEXR image"
 _BLOCK = 2**26  # bytes of pixels read at a time
-_PROJECTION, _AXES = "glossbench:projection", "glossbench:axes"  # attributes of the files that are written here
+_PROJECTION, _AXES = "glossbench:projection", "glossbench:axes"  # attributes that `write_exr` adds
 # Projection and axes by the library's names for the values of the format's own attribute.
 _ENVMAP = {"LatLong Environment": ("lat_long", "mitsuba"), "CubeFace Environment": ("openexr_cube", "forward")}
 _LAT_LONG_NOTE = "by its attribute envmap +z is in the centre, -x right of it (axes mitsuba); `axes: forward` wins"

@@ -85,7 +85,7 @@ def _no_size(path: Path, line: bytes) -> InputError:
 
 
 def _numbers(path: Path, pairs: list[tuple[str, str]], key: str, count: int) -> list[list[float]]:
-    """The numbers of each line of a key."""
+    """The numbers in each line that begins with a key."""
     found = []
     for value in (value for name, value in pairs if name == key):
         try:

@@ -40,7 +40,7 @@ def read_pfm(path: Path) -> Decoded:
         raise damaged(path, KIND, f"its scale must be a number other than 0, got {match[4].decode()}")
     wanted, n_bytes, start = height * width * channels * 4, path.stat().st_size, match.end()
     rest = _REST_OF_LINE.match(head, match.start(5))
-    if rest and n_bytes - rest.end() == wanted:  # a writer that leaves a space before the end of the line
+    if rest and n_bytes - rest.end() == wanted:  # some programs write a space before the end of the line
         start = rest.end()
     there = n_bytes - start
     if there < wanted:

@@ -1,4 +1,4 @@
-"""A clear sky with its sun, by formula: the light with the widest range outdoors."""
+"""A clear sky with its sun, defined by formulas: the outdoor light with the widest dynamic range."""
 
 from math import cos, exp, pi, radians, sin, sqrt, tan
 from typing import Annotated

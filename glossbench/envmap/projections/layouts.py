@@ -118,7 +118,7 @@ def _angular_margin(image: Tensor) -> Tensor:
     x, y = centre[None, :], centre[:, None]
     r = torch.hypot(x, y)
     # Radius 1 + e continues on the far side of backward, at radius 1 - e: black pixels do not darken the rim.
-    # The radius read is at most half a pixel's diagonal below the rim; otherwise the pixel could itself be outside.
+    # The radius read is at least half a pixel's diagonal below the rim; otherwise the pixel could itself be outside.
     mirrored = torch.where(r > 1, -(2 - r).clamp(max=1 - 1.5 / size) / r, 1.0)
     column, row = (((c * mirrored + 1) * size / 2).long().clamp(0, size - 1) for c in (x, y))
     return _edges_repeated(image[row, column])

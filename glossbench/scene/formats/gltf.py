@@ -235,7 +235,7 @@ class _Reader:
         uri = stated.get("uri")
         if uri is None:
             if index or self._binary is None:
-                raise InputError(f"{self._path}: glTF file whose buffer {index} is nowhere")
+                raise InputError(f"{self._path}: glTF file whose buffer {index} has no data")
             data, what = self._binary, "its binary chunk"
         elif uri.startswith("data:"):
             data, what = self._inline(uri), "a buffer in the file itself"

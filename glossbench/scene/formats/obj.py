@@ -12,8 +12,8 @@ from glossbench.scene.formats.polygons import Surface, triangulate
 def read_obj(path: Path) -> Surface:
     """The polygons of an .obj file as triangles; all objects and groups are joined.
 
-    v x y z, vn x y z, f v v v ..., where v is v, v/vt, v//vn or v/vt/vn. Vertices are numbered from 1; negative numbers
-    count back from the last vertex so far. # begins a comment; a line that ends in \\ continues in the next line. If
+    v x y z, vn x y z, f c c c ..., a corner c is v, v/vt, v//vn or v/vt/vn. Vertices are numbered from 1; negative
+    numbers count back from the last vertex so far. # begins a comment; a line that ends in \\ continues in the next. If
     every face states normals, they are read, and each pair of position and normal becomes a vertex.
 
     Raises:

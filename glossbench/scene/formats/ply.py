@@ -1,4 +1,4 @@
-"""PLY: positions, normals, polygons and triangle strips, as text or binary of either byte order."""
+"""PLY: positions, normals, polygons and triangle strips, as text or as binary data of either byte order."""
 
 import re
 import warnings
@@ -99,7 +99,7 @@ def _indices(path: Path, columns: Columns) -> Lists | None:
 
 
 def _header(path: Path, data: bytes) -> tuple[str, list[Element], int]:
-    """The format, the elements, and where the body begins."""
+    """The format, the elements, and the byte where the body begins."""
     end = re.search(rb"end_header[ \t]*(\r\n|\n|\r)", data[:MAX_HEADER])
     if not re.match(rb"(\xef\xbb\xbf)?ply\s", data) or end is None:
         raise InputError(f"{path}: not a PLY file: it must begin with the line 'ply' and a header up to 'end_header'")
@@ -128,7 +128,7 @@ def _header(path: Path, data: bytes) -> tuple[str, list[Element], int]:
 
 
 class _Text:
-    """Numbers of a text, one element after the other."""
+    """Reads the numbers of a text body, one element after the other."""
 
     def __init__(self, path: Path, data: bytes) -> None:
         self._path, self._at = path, 0
@@ -169,7 +169,7 @@ class _Text:
 
 
 class _Binary:
-    """Numbers of a byte order, one element after the other."""
+    """Reads the numbers of a binary body, one element after the other."""
 
     def __init__(self, path: Path, data: bytes, at: int, order: str) -> None:
         self._path, self._data, self._at, self._order = path, data, at, order
