@@ -114,8 +114,8 @@ class RegularSampling(Method):
         if self.n_circles is not None or self.samples < 30 or self.xi < 0.1:
             return ()
         return (
-            f"regular_sampling: at xi {self.xi:g} the tail of a lobe stays cut off, however many samples are taken; "
-            "lower it as the budget grows (quickstart: 0.05 at 61, 0.01 at 252)",
+            f"regular_sampling: xi {self.xi:g} cuts off the tail of each lobe, and more samples do not bring it back; "
+            "use a smaller xi for a larger budget (quickstart: 0.05 at 61, 0.01 at 252)",
         )
 
     def half_vectors(self, material: Material) -> Tensor | None:
