@@ -65,7 +65,7 @@ class RegularSampling(Method):
 
     Attributes:
         samples: the budget; the pattern of either spacing whose number of samples is nearest to it is used.
-        xi: the lobe is cut off where its density, relative to the peak, falls to this value.
+        xi: density, over its peak, at which the lobe is cut off.
         n_circles: number of circles; together with `spacing` it states a pattern, instead of the budget.
         spacing: s1 begins with one sample at the centre and six around it, s2 with four around the centre.
         normalisation: "printed", p_h = mean of D(h_i), eq. 18; "exact", p_h = mean of D(h_i) cos(theta_i), with which
