@@ -16,7 +16,7 @@ from torch import Tensor
 from glossbench.errors import MethodError
 from glossbench.scene.points import View
 
-MOST_SAMPLES = 1 << 53  # the largest integer up to which a double is exact
+MOST_SAMPLES = 1 << 53  # double precision holds every whole number up to this
 MOST_PIXELS = 8192  # along an edge
 LONGEST = 80  # characters in the name of a picture, which is part of a file name
 
