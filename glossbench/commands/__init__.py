@@ -1,4 +1,5 @@
-"""Commands of the command line: each that is an idea of its own has a file.
+"""The commands of the command line: one file for each larger command.
 
-The top room: it imports all others, and only `glossbench.__main__` imports it. Reports are found by their entry points.
+This is the top room: it imports all others, and only `glossbench.__main__` imports it. Reports are found by their entry
+points.
 """

@@ -1,4 +1,4 @@
-"""Arguments that several commands take."""
+"""Arguments that several commands share."""
 
 from typing import Annotated
 
@@ -9,6 +9,6 @@ from glossbench.commands import completion
 StudyArgument = Annotated[
     str,
     typer.Argument(
-        metavar="STUDY", help="A study's name (quickstart) or a path to its YAML.", autocompletion=completion.studies
+        metavar="STUDY", help="A study's name (quickstart) or the path to its YAML.", autocompletion=completion.studies
     ),
 ]

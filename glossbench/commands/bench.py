@@ -1,4 +1,4 @@
-"""Measuring this machine: the shading kernel, pyramids and memory, as ratios taken in one run."""
+"""Measure this machine: the shading kernel, pyramids and memory, with ratios between values of the same run."""
 
 import subprocess
 import sys
@@ -34,7 +34,7 @@ SAMPLES, CUBE, VIEW, REGIONS = 32, 256, 128, 64
 
 @dataclass(frozen=True)
 class Line:
-    """One measured thing: what, its value with unit, and its ratio to what the run compares it with."""
+    """One measurement: what is measured, its value with unit, and its ratio to the value that it is compared with."""
 
     what: str
     value: str
@@ -42,7 +42,7 @@ class Line:
 
 
 def measure(tell: Callable[[str], None]) -> list[Line]:
-    """All measurements, a minute or two; `tell` is called with what is under way."""
+    """All measurements, in a minute or two; `tell` is called with the name of each before it begins."""
     tell("shading kernel")
     lines = _kernel_lines()
     tell("sampling the lighting function")
@@ -77,13 +77,13 @@ def _kernel_lines() -> list[Line]:
 
 
 def _filtered(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
-    """Filtered samples of a light that nothing hides."""
+    """Filtered samples of an unoccluded light."""
     _, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
     return weighted_radiance(pyramid, d, lod, weight)
 
 
 def _straightforward(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
-    """The same sum written as a textbook would: (P, N, 3) tensors, a gather a tap, no chunks."""
+    """The same sum as a textbook writes it: (P, N, 3) tensors, one gather per tap, no chunks."""
     columns = points.columns(0, len(points))
     wi, pdf, weight = lobe.sample(columns.wo_local(), samples)
     frame = torch.stack([stack(columns.t), stack(columns.b), stack(columns.n)], dim=-2)
@@ -98,7 +98,7 @@ def _straightforward(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: P
 
 
 def _lighting_lines() -> list[Line]:
-    """Terms f L g cos a second, for a virtual cube of 8 and a light of 32: one by one, and by the cube's rotations."""
+    """Terms f L g cos per second, for a virtual cube of 8, a light of 32: one by one, and by the cube's rotations."""
     light, material = Spots(resolution=32).cubemap(), CookTorrance(m=(0.3, 0.3), f0=(0.95, 0.64, 0.54))
     normals = torch.arange(0, 384, 48)
     terms = len(valid_pairs(8)) * 6 * 32**2
@@ -116,13 +116,13 @@ def _lighting_lines() -> list[Line]:
 
 
 def _seen(edge: int, normal: int) -> Tensor:
-    """Numbers of the views above a normal's horizon."""
+    """Indices of the views above the horizon of a normal."""
     pairs = valid_pairs(edge)
     return pairs[pairs[:, 0] == normal, 1]
 
 
 def _term_by_term(light: CubeMap, material: CookTorrance, edge: int, normal: int) -> Tensor:
-    """Lo of one normal and all its views as a textbook would: all texels, values of f for each of its own."""
+    """Lo of one normal and all its views as a textbook computes it: over all texels, with f evaluated for each pair."""
     views = _seen(edge, normal)
     points = pair_points(edge, torch.stack([torch.full_like(views, normal), views], 1)).columns(0, len(views))
     texels = vec3(virtual_directions(light.resolution).float()[None])
@@ -133,7 +133,7 @@ def _term_by_term(light: CubeMap, material: CookTorrance, edge: int, normal: int
 
 
 def _rate(work: Callable[[], Any], pairs: int, repeats: int = 10) -> float:
-    """Million point-sample pairs a second, the best of so many runs after a warm one."""
+    """Million point-sample pairs per second, in the fastest of the repeats after a warm-up run."""
     return pairs / _seconds(work, repeats) / 1e6
 
 
@@ -158,7 +158,7 @@ def _pyramid_lines(resolution: int) -> list[Line]:
 
 
 def _partial_map_lines() -> list[Line]:
-    """64 regions: their maps beside as many whole cubes through a plain pyramid, and their shadow maps."""
+    """The maps of 64 regions, compared with plain pyramids of 64 whole cubes; and the shadow maps of the regions."""
     light = Spots(resolution=CUBE).cubemap()
     regions = median_cut(light, REGIONS)
     plain = REGIONS * _seconds(lambda: build_pyramid(light, "box"), 5)
@@ -172,7 +172,7 @@ def _partial_map_lines() -> list[Line]:
 
 
 def _map_stages() -> Iterator[tuple[str, str, Callable[..., Any]]]:
-    """The stage `maps` of each method that offers several storages of partial maps, with each of these."""
+    """(method, storage, stage `maps`) for each method that offers several storages of partial maps."""
     for cls in map(METHODS.get, METHODS.names()):
         storage = {each.name: each.type for each in fields(cls)}.get("storage")
         for value in get_args(storage):
@@ -181,14 +181,14 @@ def _map_stages() -> Iterator[tuple[str, str, Callable[..., Any]]]:
 
 
 def shade_large() -> Tensor:
-    """270 samples a pixel of a 512^2 sphere under a 1024 cube: 56 million samples."""
+    """Shade a 512^2 sphere under a 1024 cube with 270 samples per pixel: 56 million samples."""
     points, pyramid = Sphere(resolution=512).points(), build_pyramid(Spots().cubemap(), "gauss6")
     lobe = Kurt(m=(0.15, 0.15)).reflectance().lobes[0]
     samples = lobe.sample_points(points_2d(270))
     return over_points(_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0), fuse=False)
 
 
-# A process of its own, whose peak is that of the work.
+# Runs in a process of its own, so that the peak is that of this work alone.
 _MEMORY_PROBE = """
 import resource, sys
 from glossbench.commands.bench import shade_large

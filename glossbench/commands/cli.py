@@ -1,4 +1,4 @@
-"""The command line: run a study, write its report, look things up, check a method, measure this machine."""
+"""The command line: run a study, write its reports, look up names, check a method, measure this machine."""
 
 import errno
 import json
@@ -32,7 +32,7 @@ app = typer.Typer(
     epilog="Exit code: 0 all is well; 1 a cell failed, a check is broken, or output could not be written; 2 bad input; "
     "130 interrupted.",
 )
-_UsageError: Any = typer.BadParameter.__base__  # of the click that typer brings or imports
+_UsageError: Any = typer.BadParameter.__base__  # from the click that typer contains or imports
 
 
 def main() -> None:
@@ -54,7 +54,7 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         _end(130, "interrupted")
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EIO):  # of the file that standard output goes to
+        if error.errno not in (errno.ENOSPC, errno.EIO):  # raised by the file to which standard output goes
             raise
         _end(1, f"error: output cannot be written: {error.strerror}")
     except SystemExit as ended:
@@ -71,7 +71,7 @@ def _end(code: int, line: str) -> NoReturn:
 
 
 class _Printed(logging.Handler):
-    """Records of the package as lines on standard error."""
+    """Prints the log records of the package as lines on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         err.print(one_line(record.getMessage()), style="yellow", soft_wrap=True)
@@ -154,7 +154,7 @@ def check_method(
 
 @app.command()
 def bench() -> None:
-    """Measure this machine: the shading kernel eager and fused, and pyramids against a copy of their cube."""
+    """Measure this machine: the shading kernel, eager and fused, and pyramids, compared with a copy of their cube."""
     from glossbench.commands.bench import measure
 
     table = Table("what", "value", "ratio", box=None, pad_edge=False)

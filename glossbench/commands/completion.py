@@ -1,4 +1,4 @@
-"""Values that the Tab key offers: names as files state them, for importing torch would take seconds."""
+"""Values that the Tab key offers. Names are read from source files, because importing torch would take seconds."""
 
 import re
 from collections.abc import Callable
@@ -21,9 +21,9 @@ _GROUPS = {
 
 
 def registered(kind: str | None = None) -> list[str]:
-    """Names that sources of the package register, of one kind or of all, and those of entry points.
+    """Names of one kind, or of all kinds, that the source of the package registers or that entry points declare.
 
-    Of an entry point the name is read, not what its module registers: a method's file is named as the method is.
+    For an entry point its name is used, without a look into its module: a module has the name of its method.
     """
     names = ("glossbench.reports",) if kind == "figure" else ("glossbench", "glossbench.methods")
     packages = [Path(str(files(package))) for package in names]
@@ -35,7 +35,7 @@ def registered(kind: str | None = None) -> list[str]:
 
 
 def beginning(names: Callable[[], list[str]]) -> Callable[[str], list[str]]:
-    """What typer asks for: the names that go on from what is typed; where none does, shells offer files."""
+    """A completion function for typer: the names that begin with the typed text. If none does, shells offer files."""
     return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
 
 

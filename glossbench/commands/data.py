@@ -15,15 +15,15 @@ from glossbench.strict_json import dumps
 
 app = typer.Typer(help="List and fetch public files of lights, BRDFs and meshes.", no_args_is_help=True)
 
-Kind = Annotated[str | None, typer.Option(help="Only these: environment, brdf or mesh.")]
+Kind = Annotated[str | None, typer.Option(help="Only this kind: environment, brdf or mesh.")]
 
 
 @app.command(name="list")
 def list_entries(
     kind: Kind = None,
-    as_json: Annotated[bool, typer.Option("--json", help="All that is known, as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all information as JSON.")] = False,
 ) -> None:
-    """List the public inputs: what each is good for, its size, and where it is if it is here."""
+    """List the public inputs: what each one stresses, its size, and its folder if it has been fetched."""
     stated = [(one, one.local()) for one in entries(kind)]
     if as_json:
         say_lines(dumps([asdict(one) | {"local": str(path) if path else None} for one, path in stated], indent=2))
@@ -42,12 +42,12 @@ def list_entries(
 @app.command(name="fetch")
 def fetch_entries(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME", help="Names of `data list`.", autocompletion=catalogue)
+        list[str] | None, typer.Argument(metavar="NAME", help="Names from `data list`.", autocompletion=catalogue)
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="Everything.")] = False,
     kind: Kind = None,
 ) -> None:
-    """Bring public inputs here, verified by their hashes; a broken download goes on where it stopped."""
+    """Download public inputs and verify their hashes; an interrupted download continues where it stopped."""
     wanted = list(dict.fromkeys(entry(name).name for name in names or []))
     if every or kind:
         if wanted:
@@ -60,7 +60,7 @@ def fetch_entries(
 
 
 def _fetched(name: str) -> Path:
-    """The file of a name, with a bar on a terminal while it arrives."""
+    """Fetch the file of a name; a terminal shows a progress bar."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn(), TransferSpeedColumn())

@@ -1,4 +1,4 @@
-"""`glossbench figure`: one figure of results as a file of its own."""
+"""`glossbench figure`: write one figure of results to a file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,27 +13,29 @@ from glossbench.errors import InputError, nearest
 
 
 def figure(
-    results: Annotated[Path, typer.Argument(help="A folder that a run made.", autocompletion=result_folders)],
+    results: Annotated[Path, typer.Argument(help="The folder of a run.", autocompletion=result_folders)],
     name: Annotated[
-        str | None, typer.Argument(help="Of the figure; without one, list them.", autocompletion=figure_names)
+        str | None, typer.Argument(help="A figure's name; without one, list the figures.", autocompletion=figure_names)
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="A .pdf, .svg or .png file; RESULTS/NAME.pdf.")
+        Path | None, typer.Option("-o", "--output", help="A .pdf, .svg or .png file (default: RESULTS/NAME.pdf).")
     ] = None,
-    group: Annotated[int | None, typer.Option(help="Which light, material and view, from 1 on.")] = None,
-    metric: Annotated[str | None, typer.Option(help="Of errors; else the study's first, or the signed error.")] = None,
+    group: Annotated[int | None, typer.Option(help="Number of a light, material and view, from 1.")] = None,
+    metric: Annotated[
+        str | None, typer.Option(help="Error metric (default: the study's first; for `images`, the signed error).")
+    ] = None,
     over: Annotated[
         str | None,
         typer.Option(
-            help="What convergence is plotted over, as the report has it: samples, regions, material.s or only s."
+            help="Horizontal axis of `convergence`, as in the report: samples, regions, material.s, or short s."
         ),
     ] = None,
     crop: Annotated[
         list[str] | None,
-        typer.Option(metavar="X,Y,WIDTH,HEIGHT", help="A window in pixels, as in the viewer's address; repeatable."),
+        typer.Option(metavar="X,Y,WIDTH,HEIGHT", help="A window [pixels], as in the viewer's address; repeatable."),
     ] = None,
 ) -> None:
-    """Write a single figure of results."""
+    """Write one figure of results."""
     from glossbench.run.figures import FIGURES
     from glossbench.run.results import Results
 

@@ -1,4 +1,4 @@
-"""`glossbench findings`: the page of what studies found."""
+"""`glossbench findings`: the page with the verdicts of all studies."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,18 +13,20 @@ from glossbench.study.installed import study_files
 def findings(
     results: Annotated[
         list[Path] | None,
-        typer.Argument(help="Folders that finished runs made.", autocompletion=result_folders),
+        typer.Argument(help="Folders of finished runs.", autocompletion=result_folders),
     ] = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="The page; summaries are kept in a folder of this name without .md.")
+        Path, typer.Option("-o", "--output", help="The page; summaries go to a folder of this name without .md.")
     ] = Path("findings.md"),
 ) -> None:
-    """Write a page of verdicts: of these results, and of the summaries of earlier ones that the page has kept."""
+    """Write a page of verdicts, from these results and from the stored summaries of earlier results."""
     from glossbench.atomic import replacing
     from glossbench.errors import InputError
     from glossbench.findings.page import findings_page
     from glossbench.findings.summary import Summary
+    from glossbench.findings.verdicts import judge
     from glossbench.run.results import Results
+    from glossbench.study.claims import stated_claims
 
     if output.suffix != ".md":
         raise InputError(f"{output}: the page must end in .md, got {output.suffix!r}")
@@ -34,7 +36,9 @@ def findings(
         if not each.disk.manifest.is_finished:
             raise InputError(f"{each.folder} is not finished; the same `glossbench run` goes on with it")
     for each in opened:
-        summary = Summary(each.study, each.claims, each.provenance, each.cells)
+        cells = each.cells
+        verdicts = judge(stated_claims(each.study), cells)  # by the rules of this version
+        summary = Summary(each.folder.resolve().name, each.study, verdicts, each.provenance, cells)
         summary.write(kept / summary.name)
     folders = sorted(path.parent for path in kept.glob("*/claims.json"))
     if not folders:

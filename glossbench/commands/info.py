@@ -1,4 +1,4 @@
-"""`glossbench info`: everything that has a name, and what it is."""
+"""`glossbench info`: list all names, or describe one."""
 
 import json
 from inspect import get_annotations
@@ -23,13 +23,13 @@ def info(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="Of a method, material, light, view, metric, study or public file.", autocompletion=everything
+            help="Name of a method, material, light, view, metric, study or public file.", autocompletion=everything
         ),
     ] = None,
-    write: Annotated[Path | None, typer.Option(help="Write all of it as Markdown pages into this folder.")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write all descriptions as Markdown into this folder.")] = None,
 ) -> None:
-    """List what has a name, or describe it: what it computes, its options with bounds and defaults, its source."""
-    from glossbench.study.registries import REGISTRIES as kinds  # late, as it imports torch
+    """List all names, or describe one: what it computes, its options with bounds and defaults, its source."""
+    from glossbench.study.registries import REGISTRIES as kinds  # late, because it imports torch
 
     if write is not None:
         from glossbench.commands.reference_pages import write_pages  # late: only this option needs it
@@ -69,14 +69,14 @@ def _heading(name: str, kind: str) -> None:
 
 
 def _describe_class(kind: str, cls: Any) -> None:
-    """A registered class: its docstring, what it states of itself, its options with defaults and bounds."""
+    """Print a registered class: its docstring, its class attributes, its options with defaults and bounds."""
     from glossbench.options import Options, json_schema
 
     _heading(cls.name, kind)
     out.print(documentation(cls))
     out.print()
     kind_of = next(base for base in cls.__mro__ if Options in base.__bases__)
-    # The equation is in the notation of print; the docstring has it in plain letters.
+    # The equation is in typst's notation; the docstring has it as plain text.
     stated = {key: getattr(cls, key) for key in get_annotations(kind_of) if key != "equation"}
     print_rows({key.replace("_", " "): _word(value) for key, value in stated.items() if isinstance(value, str | bool)})
     table = Table("option", "default", "values", box=None, pad_edge=False)
@@ -95,7 +95,7 @@ def _word(value: str | bool) -> str:
 
 
 def _describe_study(name: str, path: Path) -> None:
-    """A study by what it asks, without the files that its run needs."""
+    """Print what a study asks and compares, without reading the files that its run needs."""
     stated = yaml.safe_load(path.read_text(encoding="utf-8"))
     _heading(name, "study")
     say(stated["title"])
@@ -111,7 +111,7 @@ def _describe_study(name: str, path: Path) -> None:
 
 
 def _describe_file(entry: Entry) -> None:
-    """An entry of the catalogue."""
+    """Print an entry of the catalogue."""
     here = entry.local()
     _heading(entry.name, f"{entry.kind}, public file")
     print_rows(

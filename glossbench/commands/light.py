@@ -1,4 +1,4 @@
-"""`glossbench light`: what a light is, a picture of it, and the same light in another projection."""
+"""`glossbench light`: facts about a light, a picture of it, and the light written in another projection."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -22,13 +22,13 @@ def light(
         str, typer.Argument(metavar="FILE|NAME", help="An image file, or a light's name.", autocompletion=lights)
     ],
     resolution: Annotated[int | None, typer.Option(help="Texels along the edge of a face, a power of two.")] = None,
-    projection: Annotated[str | None, typer.Option(help="How the file covers the sphere; else as it says.")] = None,
-    axes: Annotated[str | None, typer.Option(help=f"Whose axes the file follows, else as it says: {Axes}.")] = None,
-    flip: Annotated[bool, typer.Option("--flip", help="The file's first row is straight down.")] = False,
-    layer: Annotated[str | None, typer.Option(help="Of an .exr with several, the layer or part to read.")] = None,
-    ldr: Annotated[bool, typer.Option("--ldr", help="Take a file of 8 bits, decoded from sRGB.")] = False,
+    projection: Annotated[str | None, typer.Option(help="Projection of the file (default: as it states).")] = None,
+    axes: Annotated[str | None, typer.Option(help=f"Axes of the file (default: as it states): {Axes}.")] = None,
+    flip: Annotated[bool, typer.Option("--flip", help="The first row of the file is straight down.")] = False,
+    layer: Annotated[str | None, typer.Option(help="Layer or part to read from an .exr with several.")] = None,
+    ldr: Annotated[bool, typer.Option("--ldr", help="Accept a file of 8 bits, and decode it from sRGB.")] = False,
     invalid: Annotated[
-        str | None, typer.Option(help="Of pixels that are negative or not finite: refuse, or clamp them.")
+        str | None, typer.Option(help="Pixels that are negative or not finite: refuse or clamp.")
     ] = None,
     png: Annotated[Path | None, typer.Option(help="Write a tone-mapped picture to this .png file.")] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the light to this .exr file.")] = None,
@@ -36,13 +36,13 @@ def light(
         str,
         typer.Option(
             "--as", metavar="PROJECTION",
-            help="Of the file that is written: lat_long, angular, vertical_cross (or cross), horizontal_cross, strip, "
-            "dual_paraboloid, octahedral or octahedral_equal_area.",
+            help="Projection of the written file: lat_long, angular, vertical_cross (or cross), horizontal_cross, "
+            "strip, dual_paraboloid, octahedral or octahedral_equal_area.",
         ),
     ] = "lat_long",
-    written_axes: Annotated[str, typer.Option("--as-axes", help="Of the file that is written.")] = "forward",
+    written_axes: Annotated[str, typer.Option("--as-axes", help="Axes of the written file.")] = "forward",
 ) -> None:  # fmt: skip
-    """Say what a light is, draw it, and write it in another projection."""
+    """Describe a light, draw it, and write it in another projection."""
     from glossbench.commands.picture import half_blocks, picture, write_png
     from glossbench.envmap.formats.decoded import Covering
     from glossbench.envmap.formats.exr import check_exr_name, write_exr
@@ -60,7 +60,7 @@ def light(
     chosen = light_named(name, {option: value for option, value in given.items() if value is not None})
     cubemap = chosen.cubemap()
     print_rows({"light": name} | told(chosen.facts(cubemap)) | {"note": "\n".join(chosen.notes())})
-    if out.is_terminal and out.color_system and out.encoding.startswith("utf"):  # else there is nothing to see
+    if out.is_terminal and out.color_system and out.encoding.startswith("utf"):  # else the picture cannot be shown
         out.print(half_blocks(picture(cubemap, min(out.width, 160) // 2)))
     if png is not None:
         write_png(png, picture(cubemap, 512))
@@ -72,7 +72,7 @@ def light(
 
 
 def told(facts: "LightFacts") -> dict[str, str]:
-    """The facts of a light, each in a few words."""
+    """The facts about a light, each in a few words."""
     read_as, image_peak = "", ""
     if facts.projection is not None:
         axes = "" if facts.axes == "forward" else f", axes {facts.axes}"

@@ -18,7 +18,7 @@ from glossbench.tone import reinhard
 
 
 def picture(cubemap: CubeMap, height: int) -> Tensor:
-    """The light by latitude and longitude, (H, 2 H, 3) uint8, sRGB; averaged over area before any curve."""
+    """The light as a lat-long image, (H, 2 H, 3) uint8, sRGB; averaged over area before the tone curve."""
     fine = from_cubemap(cubemap, "lat_long", 1 << max(1, (height - 1).bit_length() - 1))
     return tone_mapped(adaptive_avg_pool2d(fine.permute(2, 0, 1), (height, 2 * height)).permute(1, 2, 0))
 
@@ -26,8 +26,8 @@ def picture(cubemap: CubeMap, height: int) -> Tensor:
 def tone_mapped(radiance: Tensor) -> Tensor:
     """Radiance (H, W, 3) as a display shows it, uint8.
 
-    L' = x / (1 + x), x = 0.18 L / Lm, Lm the geometric mean of the luminance where it is not black; colours keep
-    their ratios, and what is beyond the display's range is white; then the sRGB curve.
+    L' = x / (1 + x), x = 0.18 L / Lm, Lm the geometric mean of the luminance of pixels that are not black. Colours keep
+    their ratios; values above 1 are clipped; the sRGB curve comes last.
 
     Source: Reinhard et al. 2002, eq. 1 to 3. Differs: black pixels do not count towards Lm.
     """
@@ -38,7 +38,7 @@ def tone_mapped(radiance: Tensor) -> Tensor:
 
 
 def half_blocks(pixels: Tensor) -> Text:
-    """Pixels (H, W, 3) uint8 as text: a character shows two, one above the other."""
+    """Pixels (H, W, 3) uint8 as text: each character shows two pixels, one above the other."""
     rows = pixels[: pixels.shape[0] // 2 * 2].tolist()
     drawn = Text(no_wrap=True, end="")
     for upper, lower in zip(rows[::2], rows[1::2], strict=True):
@@ -49,10 +49,10 @@ def half_blocks(pixels: Tensor) -> Text:
 
 
 def write_png(path: Path, pixels: Tensor) -> None:
-    """Writes pixels (H, W, 3) uint8 under a name that ends in .png, whole or not at all.
+    """Write pixels (H, W, 3) uint8 to a .png file, completely or not at all.
 
     Raises:
-        InputError: another ending, or a folder that cannot be written.
+        InputError: the name has another ending, or the folder cannot be written.
     """
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: the extension must be .png, got {path.suffix!r}")

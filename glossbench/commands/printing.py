@@ -1,4 +1,4 @@
-"""What the command line prints: lines, facts, the table of a run, the verdicts."""
+"""Output of the command line: lines, facts, the table of a run, the verdicts."""
 
 import json
 import time
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
     from glossbench.study.cells import Cell
 
-BUSY = 0.1  # share of the time that other work took; times are then a tenth too long or more
+BUSY = 0.1  # share of the time that other work took; above it, times are at least a tenth too long
 out = Console()
 err = Console(stderr=True)
 PULSE = 30.0  # seconds between two lines
-MAX_ROWS = 40  # of a table, and of what it says below: more than a terminal shows helps no one
+MAX_ROWS = 40  # in a table, and in the list of reasons below it, so that both fit on a terminal
 
 
 class Pulse:
-    """A bar's progress where no terminal draws it, in a log say: a line on standard error, at most one a `PULSE`."""
+    """The progress of a bar without a terminal, as in a log: at most one line per `PULSE` on standard error."""
 
     def __init__(self, bar: "Progress") -> None:
         self.bar, self.last = bar, time.monotonic()
@@ -41,22 +41,22 @@ class Pulse:
 
 
 def say(text: str) -> None:
-    """A line on standard output, however long; a name of a file may hold the end of a line."""
+    """Print one line of any length on standard output; line ends inside it, as in a file's name, are escaped."""
     out.print(one_line(text), soft_wrap=True)
 
 
 def say_lines(text: str) -> None:
-    """Text of several lines, each as it is."""
+    """Print text of several lines, unchanged."""
     out.print(text, soft_wrap=True)
 
 
 def note(text: str) -> None:
-    """What is out of the ordinary, in one line on standard error."""
+    """Print one line about something unusual on standard error."""
     err.print(one_line(f"note: {text}"), style="yellow", soft_wrap=True)
 
 
 def print_rows(rows: dict[str, str]) -> None:
-    """What something is, a line a fact, and an empty line; facts that are empty are left out."""
+    """Print facts, one per line, and an empty line; empty facts are left out."""
     stated = [(fact, line) for fact, value in rows.items() for line in value.splitlines()]
     width = max((len(fact) for fact, _ in stated), default=0)
     before = ""
@@ -69,8 +69,11 @@ def print_rows(rows: dict[str, str]) -> None:
 
 
 def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
-    """The first cells of a run, a row each, named by the options that tell them apart; and how many more there are."""
-    from glossbench.findings.legends import explain_table  # late, as it imports torch
+    """Print the first cells of a run, one row each, named by the options that distinguish them.
+
+    The number of further cells, and the reasons of cells that were skipped or failed, follow.
+    """
+    from glossbench.findings.legends import explain_table  # late, because it imports torch
 
     rows = [parsed(row) for row in cells.to_dict("records")]
     names = {kind: names_of(kind, rows) for kind in CONDITIONS}
@@ -92,7 +95,7 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
             continue
         counts, costs = ([brief[name].in_brief(row[name]) for name in names] for names in (before, after))
         table.add_row(*named, *counts, *(_error(row, name) for name in metrics), *costs)
-    # Numbers that a narrow window, or a file, would cut are of no use.
+    # Never cut numbers to fit a narrow window or a file.
     needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
     Console(width=max(needed, out.width)).print(table, soft_wrap=True)
     if len(rows) > MAX_ROWS:
@@ -111,8 +114,8 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
 
 
 def _error(row: dict[str, Any], metric: str) -> str:
-    """A metric with half its 95 % interval; "floor" where the reference cannot tell how large the error is."""
-    from glossbench.findings.columns import column_of_metric  # late, as they import torch
+    """A metric with half its 95 % interval; "floor" if the reference is too noisy to measure the error."""
+    from glossbench.findings.columns import column_of_metric  # late, because they import torch
     from glossbench.findings.estimates import estimate_of
 
     if row["at_noise_floor"] and not column_of_metric(metric).signed:
@@ -122,19 +125,19 @@ def _error(row: dict[str, Any], metric: str) -> str:
 
 
 def print_words(said: dict[str, str]) -> None:
-    """What words of a table or a verdict mean, a line each."""
+    """Print the meaning of words in a table or a verdict, one line each."""
     for word, text in said.items():
         out.print(f"{word}: {text}", style="dim", soft_wrap=True)
 
 
 def _method_names(rows: list[dict[str, Any]], over: str | None = None) -> list[str]:
-    """Of each row the method, with the options that tell it from others, what an option `over` decides left out."""
+    """For each row, the method with the options that distinguish it, without those that `over` determines."""
     texts = (options for _, options in told_apart(rows, over))
     return [with_options(row["method"], own) for row, own in zip(rows, texts, strict=True)]
 
 
 def print_plan(cells: "Sequence[Cell]", statuses: "Sequence[str]") -> None:
-    """What a run would make, a line a cell: what is on disk of it, and the names that tell it from the others."""
+    """Print what a run would compute, one line per cell: its status on disk, and the names that distinguish it."""
     rows = [parsed(cell.record(status="new").row()) for cell in cells]
     names = {kind: names_of(kind, rows) for kind in CONDITIONS}
     columns = [list(statuses)]
@@ -147,8 +150,8 @@ def print_plan(cells: "Sequence[Cell]", statuses: "Sequence[str]") -> None:
 
 
 def print_verdicts(claims: list[dict[str, Any]]) -> None:
-    """The claims of a study, each with its verdict."""
-    from glossbench.findings.legends import explain_verdicts  # late, as it imports torch
+    """Print the claims of a study, each with its verdict."""
+    from glossbench.findings.legends import explain_verdicts  # late, because it imports torch
 
     styles = {"holds": "green", "does not hold": "red", "equal": "cyan", "within noise": "yellow"}
     for claim in claims:
@@ -160,13 +163,13 @@ def print_verdicts(claims: list[dict[str, Any]]) -> None:
 
 
 def print_notes(cells: "pandas.DataFrame") -> None:
-    """What was repaired or fitted, a line each, once."""
+    """Print what was repaired or fitted, one line each, without repetition."""
     for text in dict.fromkeys(text for notes in cells["notes"] for text in json.loads(notes)):
         note(text)
 
 
 def warn_of_noise(cells: "pandas.DataFrame") -> None:
-    """One line if references stopped at their largest number of samples before they met the noise asked for."""
+    """Print one line if references stopped at their largest number of samples, above the target noise."""
     references = cells.drop_duplicates("reference_key")
     missed = references[references["reference_noise"] > references["reference_target"]]
     if len(missed):
@@ -180,7 +183,7 @@ def warn_of_noise(cells: "pandas.DataFrame") -> None:
 
 
 def warn_of_times(cells: "pandas.DataFrame") -> None:
-    """A line where times do not compare: the machine was busy, or cells were timed on two processors."""
+    """Print a line if times are not comparable: the machine was busy, or cells were timed on several processors."""
     done = cells[cells["status"] == "done"]
     busy = int((done["busy"] > BUSY).sum())
     if busy:

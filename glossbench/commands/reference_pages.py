@@ -13,23 +13,25 @@ from glossbench.documentation import attributes, documentation
 from glossbench.options import Options, json_schema
 
 INTRODUCTIONS = {
-    "method": "Methods shade a material under a light. A study lists them under `methods:`, Python makes one by "
-    "`gb.method(NAME, option=value)`.",
-    "material": "Materials are what a study lists under `material:`, and what `gb.material(NAME, option=value)` makes.",
-    "light": "Lights are what a study lists under `light:`, and what `gb.light(NAME, option=value)` makes.",
-    "view": "Views say what is seen and from where. A study lists them under `view:`, Python makes one by "
-    "`gb.view(NAME, option=value)`.",
-    "metric": "Metrics compare an image with the reference. A study lists them under `metrics:`, Python makes one by "
-    "`gb.metric(NAME, option=value)`.",
+    "method": "Methods shade a material under a light. A study lists them under `methods:`. In Python, "
+    "`gb.method(NAME, option=value)` makes one.",
+    "material": "Materials reflect light. A study lists them under `material:`. In Python, "
+    "`gb.material(NAME, option=value)` makes one.",
+    "light": "Lights are the environments of a study, which lists them under `light:`. In Python, "
+    "`gb.light(NAME, option=value)` makes one.",
+    "view": "Views state what is seen, and from where. A study lists them under `view:`. In Python, "
+    "`gb.view(NAME, option=value)` makes one.",
+    "metric": "Metrics compare an image with the reference. A study lists them under `metrics:`. In Python, "
+    "`gb.metric(NAME, option=value)` makes one.",
 }
 SECTIONS = re.compile(r"^(?:Attributes|Args|Raises):\n(?: .*\n?|\n)*", re.MULTILINE)
 
 
 def write_pages(folder: Path, registries: Mapping[str, Any]) -> list[Path]:
-    """One page for each kind of thing and one for the public files; returns their paths.
+    """Write one page for each registry and one for the public files; returns their paths.
 
     Args:
-        registries: by kind the registry.
+        registries: the registries by kind.
     """
     folder.mkdir(parents=True, exist_ok=True)
     pages = {f"{kind}s.md": page_of(kind, registry) for kind, registry in registries.items()}
@@ -41,7 +43,7 @@ def write_pages(folder: Path, registries: Mapping[str, Any]) -> list[Path]:
 
 
 def page_of(kind: str, registry: Any) -> str:
-    """The page of a registry: each class of this distribution by name, those of public files left out."""
+    """The page of a registry: each class of this distribution by name, without those of public files."""
     files = {entry.name for entry in entries()}
     names = [name for name in registry.names() if name not in files]
     own = [cls for cls in map(registry.get, names) if cls.__module__.startswith("glossbench.")]
@@ -56,9 +58,9 @@ def page_of_files() -> str:
         for each in entries()
     ]
     introduction = (
-        "These files are not part of the distribution. `glossbench data fetch NAME` brings one; a study that names it "
-        "does so by itself. Environments are lights and measured BRDFs are materials of this name; a mesh is a `file` "
-        "of the view `mesh`."
+        "These files are not part of the distribution. `glossbench data fetch NAME` downloads one; a study that names "
+        "a file downloads it automatically. Environments are lights, and measured BRDFs are materials, with the same "
+        "name; a mesh is a `file` of the view `mesh`."
     )
     table = "\n".join(["| name | kind | what it is good for | MB | licence |", "|---|---|---|---|---|", *rows])
     return f"{_heading('Public files', introduction)}\n\n{table}\n"
@@ -70,7 +72,7 @@ def _heading(title: str, introduction: str) -> str:
 
 
 def _summary(cls: type[Options]) -> str:
-    """The first sentence of a docstring, a formula as code."""
+    """The first sentence of a docstring; a formula is set as code."""
     first = " ".join(documentation(cls).partition("\n\n")[0].split())
     return f"`{first}`" if _is_formula(first) else _escaped(re.split(r"(?<=[^.])\.(?: |$)", first)[0])
 
@@ -80,7 +82,7 @@ def _is_formula(text: str) -> bool:
 
 
 def _section(cls: type[Options]) -> str:
-    """A class: its docstring, what it states of itself, its options."""
+    """The section of a class: its docstring, the formula of a metric, its options."""
     text = SECTIONS.sub("", documentation(cls)).strip()
     parts = [f"## {cls.name}", *(_paragraph(each) for each in re.split(r"\n\s*\n", text)), *_stated(cls)]
     if options := list(_options(cls)):
@@ -89,14 +91,14 @@ def _section(cls: type[Options]) -> str:
 
 
 def _paragraph(text: str) -> str:
-    """A paragraph of a docstring as Markdown, one that is a formula as it stands."""
+    """A paragraph of a docstring as Markdown; a formula keeps its layout."""
     if _is_formula(text) or all(line.startswith("    ") for line in text.splitlines()):
         return f"```text\n{text}\n```"
     return _escaped(" ".join(text.split()))
 
 
 def _stated(cls: type[Options]) -> Iterator[str]:
-    """Formula and unit of a metric."""
+    """The formula and unit of a metric; nothing for other classes."""
     if formula := getattr(cls, "formula", ""):
         better = "lower" if getattr(cls, "lower_is_better", True) else "higher"
         unit = getattr(cls, "unit", "1")
@@ -112,5 +114,5 @@ def _options(cls: type[Options]) -> Iterator[str]:
 
 
 def _escaped(text: str) -> str:
-    """Text in which no sign of a formula is one of Markdown."""
+    """Text in which characters with a meaning in Markdown are escaped."""
     return re.sub(r"([\\`*_|<>\[\]])", r"\\\1", text)

@@ -33,24 +33,26 @@ if TYPE_CHECKING:
 
 def run(
     study: StudyArgument,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder of results; results/STUDY.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder of results (default: results/STUDY).")
+    ] = None,
     light: Annotated[
         str | None,
         typer.Option(
             metavar="FILE|NAME",
-            help="An HDR file, or a light's name, in place of the study's lights.",
+            help="An HDR file, or the name of a light, that replaces the study's lights.",
             autocompletion=completion.lights,
         ),
     ] = None,
     method: Annotated[
         list[str] | None,
-        typer.Option("-m", "--method", help="Only this method; repeatable.", autocompletion=completion.methods),
+        typer.Option("-m", "--method", help="Run only this method; repeatable.", autocompletion=completion.methods),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="In place of the study's seed.")] = None,
-    no_cache: Annotated[bool, typer.Option("--no-cache", help="Compute every cell and reference anew.")] = False,
+    seed: Annotated[int | None, typer.Option(help="A seed that replaces the study's seed.")] = None,
+    no_cache: Annotated[bool, typer.Option("--no-cache", help="Compute all cells and references again.")] = False,
     rerun_failed: Annotated[bool, typer.Option("--rerun-failed", help="Try failed cells again.")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run, and stop.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List what would run, and stop.")] = False,
 ) -> None:
     """Run a study, print its table and verdicts, and write its reports."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
@@ -113,10 +115,10 @@ def run(
 
 
 def report(
-    results: Annotated[Path, typer.Argument(help="A folder that a run made.", autocompletion=completion.results)],
+    results: Annotated[Path, typer.Argument(help="The folder of a run.", autocompletion=completion.results)],
     names: Annotated[
         list[str] | None,
-        typer.Argument(help="Of the reports, such as html and pdf; all.", autocompletion=completion.reports),
+        typer.Argument(help="Reports, such as html and pdf (default: all).", autocompletion=completion.reports),
     ] = None,
 ) -> None:
     """Write the reports of results again."""
@@ -137,7 +139,7 @@ def _counted(n: int, what: str) -> str:
 
 
 def _print_plan(study: "Study", folder: Path) -> None:
-    """What a run would do."""
+    """Print what a run would compute, and the number of cells by status."""
     from glossbench.run.runner import kept_statuses
 
     cells, statuses = study.cells(), kept_statuses(study, folder)
@@ -150,7 +152,7 @@ def _print_plan(study: "Study", folder: Path) -> None:
 
 
 def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:
-    """Write the reports, or some of them; one that fails is a line, and the others are still written.
+    """Write the reports, or only some. A report that fails gives one line, and the others are still written.
 
     Returns: whether all were written.
     """
@@ -166,14 +168,14 @@ def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:
             again = f"the results are whole: `glossbench report {folder}` writes the reports"
             err.print(one_line(f"interrupted: {again}"), soft_wrap=True)
             raise typer.Exit(130) from None
-        except (Exception, SystemExit) as error:  # a writer may be another distribution's code
+        except (Exception, SystemExit) as error:  # a writer may come from another distribution
             is_whole = False
             _print_fault(f"error: the {name} report was not written", error)
     return is_whole
 
 
 def _print_fault(what: str, error: BaseException) -> None:
-    """One line for an exception: what failed, why, and the place in the source where that is not the user's fault."""
+    """Print one line for an exception: what failed, why, and the place in the source unless the user is at fault."""
     text = " ".join(str(error).split())
     if not isinstance(error, InputError):
         last = traceback.extract_tb(error.__traceback__)[-1]

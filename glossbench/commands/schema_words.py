@@ -1,10 +1,10 @@
-"""What an option takes, in a few words."""
+"""The allowed values of an option, in a few words."""
 
 from typing import Any
 
 
 def values(rule: dict[str, Any]) -> str:
-    """What a JSON Schema property allows, in a few words."""
+    """The values that a JSON Schema property allows, in a few words."""
     if "anyOf" in rule:
         return " or ".join(values(part) for part in rule["anyOf"])
     if "enum" in rule or "const" in rule:

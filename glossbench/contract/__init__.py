@@ -1,4 +1,4 @@
-"""What every plug-in must keep, as checks that measure it.
+"""The contract that every method must keep, as checks that measure it.
 
-It imports truth, shading and the rooms below.
+The room imports truth, shading and the rooms below.
 """

@@ -1,6 +1,6 @@
-"""The cases that the contract measures: lights, materials and points, hard ones among them, and a method made ready.
+"""The cases of the contract's checks: lights, materials and points, also hard ones, and a method ready to shade them.
 
-Points are given directly, not by a camera: any normal, any view, in any order.
+Points are given directly, not by a camera: with any normal, seen from any direction, in any order.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ FURNACE_MATERIALS: tuple[Material, ...] = (
     Kurt(m=(0.4, 0.4), f0=(0.04, 0.04, 0.04), kd=(0.5, 0.4, 0.3)),
     GGX(alpha=(0.3, 0.3), f0=(1.0, 0.7, 0.3)),
 )
-# An anisotropic lobe, so that a frame that does not turn shows.
+# Anisotropic lobes first, so that a frame that does not turn becomes visible.
 GENERAL_MATERIALS: tuple[Material, ...] = (
     Kurt(m=(0.3, 0.15)),
     GGX(alpha=(0.3, 0.15)),
@@ -51,7 +51,7 @@ HARD_MATERIALS: tuple[Material, ...] = (
 
 
 class Truth(NamedTuple):
-    """A light, a material, points and their converged radiance."""
+    """A light, a material, points, and their converged reference."""
 
     light: CubeMap
     material: Material
@@ -60,12 +60,12 @@ class Truth(NamedTuple):
 
 
 class GivenPoints(View):
-    """Points as an image of one row, on the unit sphere."""
+    """Given points on the unit sphere, as an image of one row."""
 
     def __init__(self, points: ShadingPoints) -> None:
         object.__setattr__(self, "given", points)
 
-    # Two views of other points are not the same view, although no option tells them apart.
+    # Two views of different points are different views, although their options are equal.
     def __eq__(self, other: object) -> bool:
         return self is other
 
@@ -77,12 +77,12 @@ class GivenPoints(View):
         return torch.ones(1, len(self.points()), dtype=torch.bool)
 
     def points(self) -> ShadingPoints:
-        """The points."""
+        """The given points."""
         given: ShadingPoints = vars(self)["given"]
         return given
 
     def scene(self) -> UnitSphere:
-        """The unit sphere: turned, it is itself."""
+        """The unit sphere, which looks the same when it is turned."""
         return SPHERE
 
 
@@ -91,14 +91,14 @@ SPHERE = UnitSphere()
 
 @dataclass(frozen=True)
 class UnknownScene:
-    """Geometry that no method has heard of."""
+    """A scene of a type that no method knows."""
 
 
 class Shader:
-    """A method under a light, ready for any points: for others, only stages that need the view are redone.
+    """A method under a light, ready for any points. For new points, only stages that need the view are computed again.
 
     Args:
-        kept: stages of a method under other lights and of other materials, to be shared; by default none.
+        kept: stages of the method for other lights and materials, to be shared; by default none.
     """
 
     def __init__(self, method: Method, light: CubeMap, material: Material, kept: StageCache | None = None) -> None:
@@ -114,15 +114,15 @@ class Shader:
 
 
 def truth_for(method: Method) -> Truth:
-    """The truth that convergence is measured against; its noise is at most 0.1 % of the mean."""
+    """The case against which convergence is measured; the noise of its reference is at most 0.1 % of the mean."""
     light, material, points = spots(3), general_material(method), general_points(100)
     return Truth(light, material, points, compute_reference(light, material, GivenPoints(points)))
 
 
 def spots(seed: int) -> CubeMap:
-    """Small lights, of moderate contrast, so that errors of a few samples are errors of all pixels."""
+    """Small lights of moderate contrast, so that with few samples all pixels have an error, not only some."""
     light = _spots(seed)
-    return CubeMap(light.faces.clone(), light.key)  # a method may write into it
+    return CubeMap(light.faces.clone(), light.key)  # a copy, because a method may write into it
 
 
 @cache
@@ -131,7 +131,7 @@ def _spots(seed: int) -> CubeMap:
 
 
 def general_points(n: int = 200) -> ShadingPoints:
-    """Points all over the sphere, seen from all sides with cos_o in [0.05, 1], tangents turned anyhow."""
+    """Points all over the sphere, seen from all sides with cos_o in [0.05, 1], with tangents in all directions."""
     u, v = points_2d(n, "r2").double(), points_2d(n, "random", seed=1).double()
     azimuth = 2 * pi * points_2d(n, "random", seed=2).double()[:, 0]
     normal = spherical(torch.acos(1 - 2 * u[:, 0]), 2 * pi * u[:, 1])
@@ -139,7 +139,7 @@ def general_points(n: int = 200) -> ShadingPoints:
 
 
 def hard_points() -> ShadingPoints:
-    """Normals to the faces, edges and corners of the cube, seen head-on, aslant and at cos_o = 1e-4."""
+    """Normals towards the faces, edges and corners of the cube, seen at cos_o = 1, 0.5 and 1e-4."""
     signs = torch.cartesian_prod(*[torch.tensor([-1.0, 0.0, 1.0], dtype=torch.float64)] * 3)
     signs = signs[signs.any(1)].repeat(3, 1)
     n = len(signs) // 3
@@ -159,7 +159,7 @@ def _points(n: Vec3, cos_o: Tensor, tangent: Tensor, azimuth: Tensor) -> Shading
 
 
 def turn(v: Vec3, axis: int) -> Vec3:
-    """v turned by +90 degrees about a coordinate axis: exact, a permutation with one sign."""
+    """v turned by +90 degrees about a coordinate axis. Exact: a permutation of components with one change of sign."""
     turned = list(v)
     i, j = (axis + 1) % 3, (axis + 2) % 3
     turned[i], turned[j] = -v[j], v[i]
@@ -182,7 +182,7 @@ def points_between(points: ShadingPoints, start: int, stop: int) -> ShadingPoint
 
 
 def registered_materials() -> Iterator[Material]:
-    """Those that need no file."""
+    """The registered materials that need no file, with default options."""
     for name in sorted(set(MATERIALS.names()) - {entry.name for entry in entries("brdf")}):
         try:
             yield MATERIALS.create(name, {})
@@ -202,12 +202,12 @@ def general_material(method: Method) -> Material:
 
 
 def at_its_best(method: Method) -> Method:
-    """The method with the options under which it promises accuracy."""
+    """The method with the options for which its contract promises accuracy."""
     return replace(method, **method.contract.options)
 
 
 def with_all_budget(method: Method) -> Method:
-    """The method with the largest budget of its contract, or as it is where it has no budget."""
+    """The method with the largest budget of its contract; unchanged if it has no budget."""
     budget = method.contract.budget
     if budget is None or not budget_of(type(method)):
         return method

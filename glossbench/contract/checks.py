@@ -1,8 +1,8 @@
 """The checks of the contract that every method keeps.
 
-Each check takes a method and a case whose answer is known, and returns an Outcome. What a method promises and
-how closely, is its `Contract`; what holds for every method alike (finite, pure, the same for any chunking) is
-here. A method that raises breaks the check in which it does.
+Each check applies a method to a case with a known answer, and returns an Outcome. The `Contract` of a method states
+what it promises, and how closely. The checks that hold for every method (finite, pure, the same for any chunking) need
+no promise. If a method raises, the check that called it is broken.
 """
 
 from collections.abc import Callable
@@ -44,22 +44,22 @@ from glossbench.scene.sphere import UnitSphere
 from glossbench.shading.method import Method, budget_of
 from glossbench.shading.stage_cache import StageCache
 
-Measured = tuple[bool | None, str]  # kept and measured of an Outcome
+Measured = tuple[bool | None, str]  # (kept, measured) of an Outcome
 
-# Float32 sums in another order. Measured over the methods here, largest change over the largest radiance:
-# 5e-7 for a sum of lights, and none at all for pieces of odd sizes and single points.
+# Allows for float32 sums in another order. Measured with the methods here, as largest change / largest radiance:
+# 5e-7 for a sum of lights, and 0 for pieces of odd sizes and single points.
 ROUNDING = 1e-5
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a check found.
+    """The outcome of a check.
 
     Attributes:
-        check: its name.
-        kept: None where nothing is claimed or the check does not apply.
+        check: name of the check.
+        kept: whether the promise is kept; None if nothing is promised, or the check does not apply.
         measured: the number and its bound, in one line.
-        where: FILE:LINE of the plug-in, where it raised.
+        where: FILE:LINE of the plug-in, if it raised.
     """
 
     check: str
@@ -69,14 +69,14 @@ class Outcome:
 
 
 def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outcome]]:
-    """Decorator: (kept, measured) becomes an Outcome, and an exception a broken one."""
+    """Decorator that turns (kept, measured) into an Outcome, and an exception into a broken Outcome."""
 
     def named(function: Callable[..., Measured]) -> Callable[..., Outcome]:
         @wraps(function)
         def run(*args: Any) -> Outcome:
             try:
                 return Outcome(name, *function(*args))
-            except (Exception, SystemExit) as error:  # a plug-in is anyone's code
+            except (Exception, SystemExit) as error:  # a plug-in may raise anything
                 return Outcome(name, False, one_line(error), place_of(error))
 
         return run
@@ -86,7 +86,7 @@ def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outco
 
 @_check("furnace")
 def check_furnace(method: Method) -> Measured:
-    """Constant light comes back times the directional albedo; RMS error over the mean, the worst material."""
+    """Under constant light, the image is the light times the directional albedo; RMS error / mean, worst material."""
     accurate, points, light = (
         with_all_budget(at_its_best(method)),
         general_points(),
@@ -98,7 +98,7 @@ def check_furnace(method: Method) -> Measured:
         errors[label_of(material)] = _relative(Shader(accurate, light, material, kept)(points), expected)
     if not errors:
         return None, "none of the materials is supported"
-    # max() of a NaN and a number may be either.
+    # max() of a NaN and a number may return either.
     worst = next((m for m, e in errors.items() if not np.isfinite(e)), max(errors, key=errors.__getitem__))
     bound = method.contract.furnace
     return errors[worst] <= bound, f"{errors[worst]:.1e} of the mean with {worst}, at most {bound:g}{_under(method)}"
@@ -106,7 +106,7 @@ def check_furnace(method: Method) -> Measured:
 
 @_check("linear in the light")
 def check_linear(method: Method) -> Measured:
-    """The image of a sum of lights is the sum of their images, that of a threefold light threefold."""
+    """The image of a sum of lights is the sum of their images; three times the light gives three times the image."""
     if not method.contract.linear:
         return None, "not claimed"
     material, points = general_material(method), general_points()
@@ -126,7 +126,7 @@ def check_linear(method: Method) -> Measured:
 
 @_check("turns with light and surface")
 def check_turns(method: Method) -> Measured:
-    """Light and points turned by 90 degrees about x, y and z show the same; RMS change over the mean."""
+    """Light and points turned by 90 degrees about x, y and z give the same image; RMS change / mean."""
     accurate, material, points, light = (
         with_all_budget(method),
         general_material(method),
@@ -148,7 +148,7 @@ def check_turns(method: Method) -> Measured:
 
 @_check("converges")
 def check_converges(method: Method, truth: Truth | None = None) -> Measured:
-    """The fitted slope of log RMS over log samples against the reference."""
+    """The fitted slope of log(RMS error against the reference) over log(samples)."""
     contract = method.contract
     if contract.slope is None or contract.budget is None:
         return None, "not claimed"
@@ -163,7 +163,7 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
         image = Shader(budgeted, truth.light, truth.material)(truth.points)
         samples.append(budgeted.n_samples(truth.material))
         errors.append(_relative(image, truth.reference.radiance[0]))
-        # Below twice the reference's own noise an error says nothing.
+        # Below twice the noise of the reference, an error cannot be measured.
         if errors[-1] <= 2 * truth.reference.noise / truth.reference.mean:
             break
     if len(errors) == 1:
@@ -177,7 +177,7 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
 
 @_check("finite on hard inputs")
 def check_finite(method: Method) -> Measured:
-    """Finite at grazing views, with the widest and narrowest lobes; exactly zero under a black map."""
+    """The image is finite at grazing views, with the widest and narrowest lobes, and exactly zero under a black map."""
     lights = {
         "a black map": CubeMap(torch.zeros(6, 16, 16, 3), "black"),
         "one lit texel": SingleTexel(resolution=16, radiance=(1e5, 1e5, 1e5)).cubemap(),
@@ -198,18 +198,18 @@ def check_finite(method: Method) -> Measured:
 
 @_check("same for any chunking")
 def check_chunks(method: Method) -> Measured:
-    """Points shaded in pieces of odd sizes are the points shaded at once."""
+    """Points shaded in pieces of odd sizes have the same radiance as points shaded at once."""
     return _in_pieces(method, [1, 2, 3, 7, 61, 5, 1])
 
 
 @_check("batch is one by one")
 def check_one_by_one(method: Method) -> Measured:
-    """Points shaded singly are the points shaded at once."""
+    """Points shaded one by one have the same radiance as points shaded at once."""
     return _in_pieces(method, [1] * 40)
 
 
 def _in_pieces(method: Method, sizes: list[int]) -> Measured:
-    """Pieces of these sizes against all points at once."""
+    """Compare points shaded in pieces of these sizes with all points shaded at once."""
     points = general_points(sum(sizes))
     shader = Shader(method, spots(3), general_material(method))
     whole = shader(points)
@@ -221,7 +221,7 @@ def _in_pieces(method: Method, sizes: list[int]) -> Measured:
 
 @_check("shape and type")
 def check_shape(method: Method) -> Measured:
-    """P points give (P, 3), float32."""
+    """P points give radiance of shape (P, 3), float32."""
     shader = Shader(method, spots(3), general_material(method))
     for n in (5, 1):
         image = shader(general_points(n))
@@ -235,7 +235,7 @@ def check_shape(method: Method) -> Measured:
 
 @_check("pure")
 def check_pure(method: Method) -> Measured:
-    """The same call gives the same bytes, from the same stages and from new ones; nothing is written to."""
+    """The same call gives the same bytes, with the same stages and with new ones, and writes into no argument."""
     material, points, light = general_material(method), general_points(), spots(3)
     shader = Shader(method, light, material)
     images = [shader(points).clone(), shader(points).clone(), Shader(method, light, material)(points)]
@@ -254,7 +254,7 @@ def check_pure(method: Method) -> Measured:
 
 @_check("says what it cannot show")
 def check_supports(method: Method) -> Measured:
-    """`supports` gives None or a reason for any material and scene; what it supports, it can shade."""
+    """`supports` returns None or a reason for any material and scene, and the method can shade what it supports."""
     materials = [*registered_materials(), *FURNACE_MATERIALS, *GENERAL_MATERIALS, *HARD_MATERIALS]
     reasons, n, light, kept = [], 0, spots(3), StageCache()
     for scene in (UnitSphere(), UnknownScene()):
@@ -271,18 +271,18 @@ def check_supports(method: Method) -> Measured:
 
 
 def _relative(image: Tensor, expected: Tensor) -> float:
-    """RMS of the difference over the mean; 0 for two black images."""
+    """RMS of the difference / mean; 0 for two black images."""
     rms = float((image.double() - expected.double()).square().mean().sqrt())
     return rms / float(expected.double().mean()) if rms else 0.0
 
 
 def _largest_change(image: Tensor, expected: Tensor) -> float:
-    """The largest difference over the largest value; 0 for two black images."""
+    """Largest difference / largest value; 0 for two black images."""
     change = float((image.double() - expected.double()).abs().max())
     return change / float(expected.abs().max()) if change else 0.0
 
 
 def _under(method: Method) -> str:
-    """The options of the contract, where these are not the defaults."""
+    """The options that the contract states, in words; "" if it states none."""
     options = ", ".join(f"{key}={value}" for key, value in method.contract.options.items())
     return f"; with {options}" if options else ""

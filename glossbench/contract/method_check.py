@@ -1,4 +1,4 @@
-"""The contract that every method keeps, measured: what `glossbench check-method` runs on any plug-in."""
+"""Measure whether a method keeps the contract, as `glossbench check-method` does for any plug-in."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -42,10 +42,10 @@ def check_contract(name: str, tell: Callable[[str], None] = lambda text: None) -
     """All checks of a registered method, or of each method that an importable module registers.
 
     Args:
-        tell: which check is under way.
+        tell: called with the name of each check before it runs.
 
     Raises:
-        InputError: no such method or module, the module registers none, or an option has no default.
+        InputError: the method or module does not exist, the module registers no method, or an option has no default.
     """
     methods = _methods_of(name)
     outcomes = []
@@ -60,7 +60,7 @@ def check_contract(name: str, tell: Callable[[str], None] = lambda text: None) -
 
 
 def as_checked(name: str) -> Method:
-    """A registered method with the options under which the contract's checks run."""
+    """A registered method with the options that its contract states for the checks."""
     return METHODS.create(name, METHODS.get(name).contract.quick)
 
 
@@ -74,7 +74,7 @@ def _methods_of(name: str) -> list[Method]:
         hint = nearest(name, METHODS.names())
         where = hint if "did you mean" in hint else f": {error}"
         raise InputError(f"unknown method {name!r}, nor a module{where}") from None
-    except (Exception, SystemExit) as error:  # a plug-in is anyone's code
+    except (Exception, SystemExit) as error:  # a plug-in may raise anything
         told = str(error) if isinstance(error, InputError) else one_line(error)
         raise InputError(f"module {name!r}: {told}") from error
     classes = [METHODS.get(n) for n in METHODS.names()]

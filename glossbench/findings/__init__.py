@@ -1,4 +1,4 @@
-"""What a table of cells says: comparisons, verdicts, citations.
+"""Findings: comparisons, verdicts and citations from a table of cells.
 
-It imports study, truth and the rooms below. It reads tables, whoever made them.
+The room imports study, truth and the rooms below. It reads tables of cells, from whatever source.
 """

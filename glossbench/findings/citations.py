@@ -1,4 +1,4 @@
-"""Citations: the literature that the sources of methods, materials, lights, views and metrics refer to, as BibTeX."""
+"""Citations: the literature that methods, materials, lights, views and metrics name as their sources, as BibTeX."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,7 +16,7 @@ class Citation(NamedTuple):
     Attributes:
         key: the first author's family name and the year.
         bibtex: the whole entry.
-        cited_by: names, in order; "the study" for its own source.
+        cited_by: names of what cites it, in order; "the study" for the source of the study itself.
     """
 
     key: str
@@ -48,26 +48,27 @@ def cited_in(text: str, known: Mapping[str, str] | None = None) -> list[str]:
 
 
 def source_of(kind: str, name: str) -> str:
-    """What the docstring of something registered says after "Source:"; "" without, or where it is not installed."""
+    """The text after "Source:" in the docstring of a registered class; "" if there is none, or it is not installed."""
     registry = REGISTRIES[kind]
     return source_in(documentation(registry.get(name))) if name in registry.names() else ""
 
 
 def source_in(text: str) -> str:
-    """What a docstring says after "Source:"; "" without."""
+    """The text after "Source:" in a docstring; "" if there is none."""
     paragraphs = re.split(r"\n\s*\n", text)
     return next((" ".join(p.removeprefix("Source:").split()) for p in paragraphs if p.startswith("Source:")), "")
 
 
 def cited_by(used: Sequence[tuple[str, str]], study_source: str = "") -> list[Citation]:
-    """The works that these (kind, name) and the source of a study refer to, in this order, as installed here."""
+    """The works that the installed classes (kind, name), and then the source of a study, refer to, in this order."""
     return cited_in_sources([(name, source_of(kind, name)) for kind, name in used], study_source, references())
 
 
 def cited_in_sources(sources: Iterable[tuple[str, str]], study_source: str, known: Mapping[str, str]) -> list[Citation]:
-    """The works that some sources, each with the name of what it is of, and that of a study refer to, in this order.
+    """The works that some sources, and then the source of a study, refer to, in this order.
 
     Args:
+        sources: (name of the class, text of its source).
         known: BibTeX entries by key.
     """
     named: dict[str, list[str]] = {}

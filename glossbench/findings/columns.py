@@ -1,4 +1,4 @@
-"""The table of columns of a study's results: those of every cell, and one for each of its metrics."""
+"""The columns of a study's results: those that every cell has, and one for each metric."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -22,11 +22,11 @@ __all__ = [
 
 
 def column_of_metric(name: str, options: Mapping[str, Any] | None = None, called: str = "") -> Column:
-    """The column of a metric; of one that is not installed it says no more than the name.
+    """The column of a metric; for a metric that is not installed, a column with only the name.
 
     Args:
-        options: as a study states them; none where all have their defaults.
-        called: the column's name, where that is not the metric's.
+        options: the options as a study states them; None if all have their defaults.
+        called: the name of the column, if it differs from that of the metric.
     """
     column = Column(called or name, float, role="error", title=called or with_options(name, options or {}))
     registered = name.partition(" (")[0]  # a column may have options in brackets
@@ -38,25 +38,25 @@ def column_of_metric(name: str, options: Mapping[str, Any] | None = None, called
 
 
 def metric_columns(metrics: Iterable[Any]) -> list[Column]:
-    """The columns of the metrics that a resolved study states, each a name or {name: options}."""
+    """The columns of the metrics of a resolved study; it states each as a name or {name: options}."""
     stated = [(each, {}) if isinstance(each, str) else next(iter(each.items())) for each in metrics]
     named = zip(stated, column_names(stated), strict=True)
     return [column_of_metric(name, options, called if called != name else "") for (name, options), called in named]
 
 
 def columns_of(metrics: Iterable[Any]) -> dict[str, Column]:
-    """The columns of results with the metrics that a resolved study states; the RMS error is always measured."""
+    """The columns of results with the metrics of a resolved study; the RMS error is always measured."""
     own = [*metric_columns(metrics), column_of_metric("rms")]
     return dict(COLUMNS) | {column.name: column for column in own}
 
 
 def columns_to_json(columns: Mapping[str, Column]) -> list[dict[str, Any]]:
-    """What `columns.json` holds."""
+    """The contents of `columns.json`."""
     return [column.as_dict() for column in columns.values()]
 
 
 def columns_from_json(stated: Any) -> dict[str, Column]:
-    """The columns that `columns.json` holds; InputError where it holds something else."""
+    """The columns in the contents of `columns.json`; InputError if these are something else."""
     try:
         return {column.name: column for column in map(Column.of_dict, stated)}
     except (TypeError, KeyError, AttributeError):

@@ -1,4 +1,4 @@
-"""Comparisons: two numbers, or one and its bounds, with the noise of the reference between them."""
+"""Comparisons: of two numbers, or of a number and its bounds, under the noise of the reference."""
 
 import math
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ Row = dict[str, Any]
 
 
 class Side(NamedTuple):
-    """What is compared: one cell, or the cells that differ in the seed of their random points alone.
+    """What is compared: one cell, or several cells that differ only in the seed of their random points.
 
     Attributes:
         value: the column of the cell, or its mean over the seeds.
-        samples: of each cell, with what the reference's noise does to it.
+        samples: for each cell, the value and its changes by the noise of the reference.
     """
 
     value: float
@@ -27,7 +27,7 @@ class Side(NamedTuple):
 
     @property
     def n_seeds(self) -> int:
-        """How many seeds stand behind it; 0 where no points are random."""
+        """Number of seeds; 0 if no points are random."""
         return len(self.samples) if self.samples[0].seed is not None else 0
 
 
@@ -37,10 +37,10 @@ class Case(NamedTuple):
     Attributes:
         where: what is compared, in words.
         a: the column of the first side, or the slope.
-        b: of the second side.
-        bound: what the number is compared with.
+        b: the column of the second side.
+        bound: the bound with which the number is compared.
         found: the number that decides: a ratio, a slope or a value.
-        seeds: how many seeds of random points stand behind each side; 0 where none are random.
+        seeds: number of seeds of random points on each side; 0 if none are random.
     """
 
     where: str
@@ -60,7 +60,7 @@ class Case(NamedTuple):
 
 
 def finite(value: Any) -> float | None:
-    """The value where it is a finite number."""
+    """The value if it is a finite number, else None."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
         return None
     return float(value)
@@ -73,7 +73,7 @@ def inside(value: float, bounds: Bounds) -> bool:
 
 
 def lower_case(claim: LowerClaim, a: Side, b: Side, where: str) -> Case:
-    """|a| < |b|: within noise where the interval of |a| / |b| contains an end of the margin; equal inside it."""
+    """|a| < |b|: within noise if the interval of |a| / |b| contains an end of the margin; equal inside the margin."""
     found = estimate(_ratio_of_sizes, (a.samples, b.samples))
     if any(found.is_unresolved(1 + margin) for margin in (-claim.margin, claim.margin)):
         verdict = NOISE
@@ -85,14 +85,14 @@ def lower_case(claim: LowerClaim, a: Side, b: Side, where: str) -> Case:
 
 
 def ratio_case(claim: RatioClaim, a: Side, b: Side, where: str) -> Case:
-    """a / b within the claim's bounds."""
+    """a / b lies within the claim's bounds."""
     found = estimate(lambda sides: _over(sides[0].mean(), sides[1].mean()), (a.samples, b.samples))
     verdict = _within(found, claim.between, _edges(claim.between, claim.of, (*a.samples, *b.samples)))
     return Case(where, a.value, b.value, list(claim.between), found, verdict, (a.n_seeds, b.n_seeds))
 
 
 def value_case(claim: ValueClaim, a: Side, where: str) -> Case:
-    """a within the claim's bounds, or equal to its number."""
+    """a lies within the claim's bounds, or equals its number."""
     found = estimate(lambda sides: float(sides[0].mean()), [a.samples])
     if claim.equals is not None:
         is_equal = math.isclose(found.value, claim.equals)
@@ -104,7 +104,7 @@ def value_case(claim: ValueClaim, a: Side, where: str) -> Case:
 
 
 def slope_case(claim: SlopeClaim, over: Sequence[float], points: Sequence[Side], where: str) -> Case:
-    """The least-squares slope of the logarithm of points over that of an option within the claim's bounds."""
+    """The least-squares slope of log(point) over log(option) lies within the claim's bounds."""
     x = np.log(over) - np.log(over).mean()
 
     def slope(sides: Sequence[Floats]) -> float:
@@ -122,18 +122,18 @@ def _ratio_of_sizes(sides: Sequence[Floats]) -> float:
 
 
 def _over(a: float, b: float) -> float:
-    """a / b; nothing over nothing is 1, as the two are equal."""
+    """a / b; 0 / 0 is 1, because the two are equal."""
     return float(a / b) if b else 1.0 if a == 0 else math.copysign(math.inf, a)
 
 
 def _within(found: Estimate, bounds: Bounds, edges: Sequence[float]) -> str:
-    """The verdict on a number between bounds; within noise where its interval contains one."""
+    """The verdict on a number between bounds; within noise if its interval contains one of them."""
     if any(found.is_unresolved(edge) for edge in edges):
         return NOISE
     return HOLDS if inside(found.value, bounds) else FAILS
 
 
 def _edges(bounds: Bounds, column: str, samples: Sequence[Sample]) -> list[float]:
-    """The bounds that noise may carry a number across: 0 is none of what is never below it."""
+    """The bounds that noise may carry a number across. A column that is never negative cannot cross the bound 0."""
     may_be_negative = column_of_metric(column).signed or min(min(sample.values) for sample in samples) < 0
     return [bound for bound in bounds if bound is not None and (bound != 0 or may_be_negative)]

@@ -8,7 +8,7 @@ from glossbench.findings.estimates import Estimate
 
 
 def conclude(cases: list[Case], quantity: str, notes: Counter[str], sides: Sequence[str]) -> tuple[str, str]:
-    """The verdict on a claim and a sentence with the counts and the extreme numbers."""
+    """(verdict on a claim, sentence with the counts and the extreme numbers)."""
     failed = notes.pop("cells failed", 0) if cases else 0
     left_out = "".join(f"; {what}: {count}" for what, count in sorted(notes.items()) if count)
     if not cases:
@@ -27,14 +27,14 @@ def conclude(cases: list[Case], quantity: str, notes: Counter[str], sides: Seque
 
 
 def _number(found: Estimate) -> str:
-    """A number and, where noise moves it, its 95 % interval."""
+    """A number and, if noise changes it, its 95 % interval."""
     if not found.standard_error:
         return f"{found.value:.4g}"
     return "{:.4g} [{:.4g}, {:.4g}]".format(found.value, *found.interval)
 
 
 def _seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
-    """How many seeds of random points stand behind each side; nothing where no points are random."""
+    """The number of seeds of random points on each side, in words; "" if no points are random."""
     told, least = [], 2
     for side, numbers in zip(sides, zip(*(case.seeds for case in cases), strict=True), strict=True):
         low, high = min(numbers), max(numbers)

@@ -1,6 +1,6 @@
-"""What a run knew of its methods, materials, lights, views and metrics: `described.json` beside the cells.
+"""Descriptions of the methods, materials, lights, views and metrics of a run, stored in its `described.json`.
 
-A report prints this text, not that of whatever version makes the report.
+A report prints these texts of the run, not those of the version that makes the report.
 """
 
 import re
@@ -24,12 +24,12 @@ class Description:
 
     Attributes:
         text: its docstring, without indentation.
-        source: what the docstring says after "Source:".
-        options: by name what the docstring says of each, one sentence.
-        equation: of a method, in typst's notation; "" without one.
-        formula: of a metric.
-        map_formula: of a metric, for one pixel.
-        unit: of a metric; "1" without one.
+        source: the text after "Source:" in the docstring.
+        options: by name, the description of each option in the docstring, one sentence.
+        equation: equation of a method, in typst's notation; "" if there is none.
+        formula: formula of a metric.
+        map_formula: formula of a metric, for one pixel.
+        unit: unit of a metric; "1" if it has none.
     """
 
     kind: str
@@ -45,12 +45,12 @@ class Description:
 
 @dataclass(frozen=True)
 class Descriptions:
-    """All that a study names, in words.
+    """Everything that a study names, in words.
 
     Attributes:
-        described: in the order of the study.
-        references: by key the BibTeX entries of the works that these and the study's own source cite.
-        is_of_run: whether the run wrote them; else they are those of what is installed here.
+        described: the descriptions, in the order of the study.
+        references: by key, the BibTeX entries of the works that these, and the source of the study itself, cite.
+        is_of_run: whether the run wrote them; else they come from what is installed here.
     """
 
     described: tuple[Description, ...]
@@ -58,16 +58,16 @@ class Descriptions:
     is_of_run: bool = True
 
     def of(self, kind: str, name: str) -> Description | None:
-        """The description of what a kind has under a name; None where it is not known."""
+        """The description of a name of a kind; None if it is not known."""
         return next((each for each in self.described if (each.kind, each.name) == (kind, name)), None)
 
     def as_dict(self) -> dict[str, Any]:
-        """What `described.json` holds."""
+        """The contents of `described.json`."""
         return {"described": [asdict(each) for each in self.described], "references": dict(self.references)}
 
     @classmethod
     def of_dict(cls, stated: Any) -> "Descriptions":
-        """What `described.json` holds; InputError where it holds something else."""
+        """The descriptions in the contents of `described.json`; InputError if these are something else."""
         known = {each.name for each in fields(Description)}
         try:
             own = [{key: value for key, value in each.items() if key in known} for each in stated["described"]]
@@ -77,7 +77,7 @@ class Descriptions:
 
 
 def describe_study(study: Mapping[str, Any], is_of_run: bool = True) -> Descriptions:
-    """What is installed of all that a resolved study names."""
+    """The descriptions of everything that a resolved study names and that is installed here."""
     named = dict.fromkeys((kind, name) for key, kind in KEYS.items() for name in _names(study.get(key, ())))
     found = tuple(
         describe(kind, REGISTRIES[kind].get(name)) for kind, name in named if name in REGISTRIES[kind].names()
@@ -94,7 +94,7 @@ def describe(kind: str, cls: type[Options]) -> Description:
 
 
 def describe_options(cls: type[Options]) -> dict[str, str]:
-    """By name the first sentence that a class's docstring says of each of its options, under "Attributes:"."""
+    """By name, the first sentence about each option under "Attributes:" in the docstring of a class."""
     described: dict[str, str] = {}
     for part in re.split(r"\n\s*\n", cleandoc(cls.__doc__ or "")):
         if not part.startswith("Attributes:"):

@@ -1,9 +1,9 @@
 """Estimates: a number computed from cells, with its 95 % interval.
 
-The noise of a reference moves the number f by what the jackknife tells (truth/jackknife.py): f - bias is within
-t(97.5 %, G - 1) standard errors of its limit in 95 of 100 cases, t being Student's and G the number of groups. Cells of
-one reference lose the same group at the same time, so that the noise which they share cancels out of their ratio.
-References are independent of each other, and so is the choice of random points: their variances are added, and the
+The jackknife (truth/jackknife.py) states by how much the noise of a reference changes the number f: in 95 of 100 cases
+f - bias is within t(97.5 %, G - 1) standard errors of its limit, where t is Student's and G the number of groups. Cells
+of one reference lose the same group at the same time, so that the noise that they share cancels in their ratio.
+References are independent of each other, and so is the choice of random points: their variances v are added, and the
 degrees of freedom are (sum of v)^2 / sum of (v^2 / (G - 1)).
 
 Source: Welch 1947 and Satterthwaite 1946 (degrees).
@@ -29,9 +29,9 @@ class Estimate(NamedTuple):
     """A number with its uncertainty.
 
     Attributes:
-        value: without the bias that noise gives it.
-        standard_error: 0 where no noise is known, infinite where the number cannot be computed without some group.
-        degrees: of freedom of the standard error.
+        value: the number, without the bias that noise causes.
+        standard_error: 0 if no noise is known; infinite if the number cannot be computed without some group.
+        degrees: degrees of freedom of the standard error.
     """
 
     value: float
@@ -40,7 +40,7 @@ class Estimate(NamedTuple):
 
     @property
     def half_width(self) -> float:
-        """Of the 95 % interval, by Student's t."""
+        """Half the width of the 95 % interval, from Student's t."""
         if self.standard_error in (0.0, math.inf):
             return self.standard_error
         return float(scipy.special.stdtrit(self.degrees, 0.5 + CONFIDENCE / 2)) * self.standard_error
@@ -60,9 +60,10 @@ class Sample(NamedTuple):
     """A number of one cell.
 
     Attributes:
-        values: against the whole reference, then against those without each group; alone where no noise is known.
+        values: the number against the whole reference, then against the reference without each group; only the first
+            if no noise is known.
         reference: the key of its reference.
-        seed: of its random points; None where it has none.
+        seed: seed of its random points; None if it has none.
     """
 
     values: Sequence[float]
@@ -71,7 +72,7 @@ class Sample(NamedTuple):
 
 
 Sides = Sequence[Sequence[Sample]]  # each side of a comparison is one cell, or one for each of several seeds
-Statistic = Callable[[Sequence[Floats]], float]  # of the values of each side
+Statistic = Callable[[Sequence[Floats]], float]  # takes the values of each side
 
 
 def estimate(statistic: Statistic, sides: Sides) -> Estimate:
@@ -81,7 +82,7 @@ def estimate(statistic: Statistic, sides: Sides) -> Estimate:
     moved = [again for again in (*of_groups, *of_seeds) if set(again) != {value}]
     if not np.isfinite([value, *chain(*moved)]).all():
         return Estimate(value, math.inf if moved else 0.0)
-    # Fewer seeds do not bias a mean: only the groups of references tell a bias.
+    # Fewer seeds do not bias a mean, so that the bias comes only from the groups of references.
     bias = sum(jackknife(value, again)[0] for again in of_groups if again in moved)
     parts = [(jackknife(value, again)[1], len(again) - 1) for again in moved]
     total = sum(variance for variance, _ in parts)
@@ -92,7 +93,7 @@ def estimate(statistic: Statistic, sides: Sides) -> Estimate:
 
 
 def estimate_of(row: Mapping[str, Any], metric: str) -> Estimate:
-    """A metric of one cell, from its row of the results; without a standard error where the row has no groups."""
+    """A metric of one cell, from its row of the results; without a standard error if the row has no groups."""
     stored = row.get("left_out") or {}
     values = (json.loads(stored) if isinstance(stored, str) else stored).get(metric)
     if values is None:
@@ -102,7 +103,7 @@ def estimate_of(row: Mapping[str, Any], metric: str) -> Estimate:
 
 
 def _without_groups(statistic: Statistic, sides: Sides) -> list[list[float]]:
-    """For each reference the numbers without each of its groups, the other references being whole."""
+    """For each reference, the numbers without each of its groups; the other references are whole."""
     counts = {s.reference: len(s.values) - 1 for side in sides for s in side if len(s.values) > 1}
 
     def value_of(sample: Sample, of: str, i: int) -> float:
@@ -115,7 +116,7 @@ def _without_groups(statistic: Statistic, sides: Sides) -> list[list[float]]:
 
 
 def _without_seeds(statistic: Statistic, sides: Sides) -> list[list[float]]:
-    """For each set of several seeds the numbers without each of them; sides of the same seeds lose one together."""
+    """For each set of several seeds, the numbers without each seed; sides with the same seeds lose one together."""
     seeds = [tuple(sample.seed for sample in side) for side in sides]
     return [
         [

@@ -1,4 +1,4 @@
-"""Legends: a sentence for each word of a table or a verdict that its reader may not know, where it appears."""
+"""Legends: one sentence for each word of a table or a verdict that a reader may not know."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -11,21 +11,22 @@ from glossbench.study.labels import differing, told_apart
 from glossbench.study.registries import REGISTRIES
 
 WITHIN_NOISE = (
-    "the 95 % interval contains what the number is compared with, so the reference cannot tell on which side it is"
+    "the 95 % interval contains what the number is compared with, so the reference is not accurate enough to say on "
+    "which side it is"
 )
-WITHIN_MARGIN = "the two differ by less than the claim's margin, for certain"
+WITHIN_MARGIN = "the two differ by less than the claim's margin, with certainty"
 INTERVAL = (
-    "where the number would be for a perfect reference, in 95 of 100 cases; from the replicates of the reference and, "
-    "where a method has several seeds, from their spread"
+    "in 95 of 100 cases it contains the number that a perfect reference would give; it comes from the replicates of "
+    "the reference and, if a method has several seeds, from their spread"
 )
 FLOOR = (
-    "the RMS error is below twice the noise of the reference, so the reference cannot tell how large the error is; "
+    "the RMS error is below twice the noise of the reference, so the reference is not accurate enough to measure it; "
     "all such cells are equally good"
 )
 
 
 def explain_verdicts(claims: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """What "within noise", "equal" and an interval mean, where a verdict or one of its numbers has them."""
+    """The meaning of "within noise", "equal" and an interval, as far as a verdict or one of its numbers has them."""
     words = {claim["verdict"] for claim in claims} | {word for claim in claims for word in _verdicts(claim)}
     said = {word: text for word, text in ((EQUAL, WITHIN_MARGIN), (NOISE, WITHIN_NOISE)) if word in words}
     has_interval = any(re.search(r" \[[^]]+, [^]]+\] \(", str(claim.get("summary", ""))) for claim in claims)
@@ -35,14 +36,14 @@ def explain_verdicts(claims: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 def explain_table(
     rows: Sequence[Mapping[str, Any]], with_decided: bool = True, descriptions: Descriptions | None = None
 ) -> dict[str, str]:
-    """What "floor" means, where a cell is there; and the options that tell the names of a table apart.
+    """The meaning of "floor", if a cell is there, and of the options that distinguish the names of a table.
 
     Args:
-        with_decided: whether names hold the options, too, that the budget decides.
-        descriptions: where the results have their own, in place of what is installed here.
+        with_decided: whether names also hold the options that the budget determines.
+        descriptions: those of the results, if they have their own; default: what is installed here.
     """
     said = {"floor": FLOOR} if any(row["at_noise_floor"] for row in rows) else {}
-    found: dict[str, dict[str, str]] = {}  # by option and what it says, of what
+    found: dict[str, dict[str, str]] = {}  # option -> its description -> the name that has it
     for kind, name, option in _telling(rows, with_decided):
         if text := _options(kind, name, descriptions).get(option):
             found.setdefault(option, {}).setdefault(text, name)
@@ -63,7 +64,7 @@ def _verdicts(claim: Mapping[str, Any]) -> list[str]:
 
 
 def _telling(rows: Sequence[Mapping[str, Any]], with_decided: bool) -> list[tuple[str, str, str]]:
-    """(kind, name, option) of all that the names of a table hold, once."""
+    """(kind, name, option) for each option in the names of a table, once."""
     found: dict[tuple[str, str, str], None] = {}
     for kind in CONDITIONS:
         alike: dict[str, list[Mapping[str, Any]]] = {}

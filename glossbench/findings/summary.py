@@ -1,4 +1,4 @@
-"""Summaries: what a finished study found, without its images, small enough to be kept beside the source."""
+"""Summaries: what a finished study found, without its images, small enough to be kept in the repository."""
 
 import json
 from collections.abc import Mapping
@@ -22,33 +22,31 @@ class Summary:
     """What one run of a study found.
 
     Attributes:
-        study: as it was resolved.
+        name: of the study, as the folder of its results is called.
+        study: the resolved study.
         claims: the verdicts.
         provenance: versions, machine, times.
         cells: one row for each cell.
     """
 
+    name: str
     study: dict[str, Any]
     claims: list[dict[str, Any]]
     provenance: dict[str, Any]
     cells: pandas.DataFrame
-
-    @property
-    def name(self) -> str:
-        """The name of the study."""
-        return str(self.study["name"])
 
     @classmethod
     def read(cls, folder: Path) -> "Summary":
         """The summary in a folder.
 
         Raises:
-            InputError: one of its files is not there.
+            InputError: one of its files is missing.
         """
         missing = [name for name in FILES if not (folder / name).is_file()]
         if missing:
             raise InputError(f"{folder} holds no summary: there is no {missing[0]} in it")
         return cls(
+            folder.name,
             read_document(folder / "study.yaml").data,
             loads((folder / "claims.json").read_bytes()),
             loads((folder / "provenance.json").read_bytes()),
@@ -56,7 +54,7 @@ class Summary:
         )
 
     def write(self, folder: Path) -> None:
-        """Write the summary into a folder: nothing in it names a folder of this machine."""
+        """Write the summary into a folder. Nothing in it names a folder of this machine."""
         folder.mkdir(parents=True, exist_ok=True)
         texts = {
             "study.yaml": dump(_without_folders(self.study)),
@@ -72,7 +70,7 @@ class Summary:
 
 
 def _shortened(value: Any) -> Any:
-    """A text of a cell: of JSON the same with the names of files alone, of a traceback its last line."""
+    """A text of a cell, shortened: JSON without the folders of files, only the last line of a traceback."""
     if not isinstance(value, str):
         return value
     if value.startswith(("{", "[")):
@@ -81,7 +79,7 @@ def _shortened(value: Any) -> Any:
 
 
 def _without_folders(value: Any, key: str = "") -> Any:
-    """JSON data in which each option `file` has the name of the file alone."""
+    """JSON data in which each option `file` is the file's name without its folder."""
     if isinstance(value, Mapping):
         return {name: _without_folders(each, name) for name, each in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Verdicts: which of a study's claims its cells bear out."""
+"""Verdicts: whether the cells of a study confirm its claims."""
 
 import json
 from collections import Counter
@@ -46,18 +46,17 @@ from glossbench.study.labels import as_text, differing, identity, listed, names_
 def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, Any]]:
     """The verdict on each claim, with its numbers, as JSON types.
 
-    A case holds, does not hold, or, where its 95 % interval contains what it is compared with, is within noise; a
-    claim of "lower" whose two sides differ by less than its margin is equal. Cells that differ in the seed of their
-    random points alone are one case, of their mean. A claim does not hold if one case does not; else it holds if one
-    case does; else it is equal if one case is; else it is within noise. Without a case it is not tested, and the
-    summary says why.
+    A case holds or does not hold. It is within noise if its 95 % interval contains the bound, and a case of "lower" is
+    equal if its two sides differ by less than the margin. Cells that differ only in the seed of their random points are
+    one case, of their mean. A claim does not hold if one case does not; else it holds if one case holds; else it is
+    equal if one case is equal; else it is within noise. A claim without a case is not tested, and the summary says why.
     """
     table = _Table(cells.to_dict("records"))
     return [table.judged(claim) for claim in claims]
 
 
 def cells_of(claim: Claim, cells: pandas.DataFrame) -> set[str]:
-    """Keys of the cells that a claim is about, of all its sides."""
+    """Keys of the cells that a claim is about, on all its sides."""
     table = _Table(cells.to_dict("records"))
     return {row["key"] for side in sides_of(claim).values() for row in table.picked(claim, side, Counter())}
 
@@ -68,7 +67,7 @@ class _Table:
     def __init__(self, records: list[Any]) -> None:
         self.rows: list[Row] = [with_parts(parsed(record)) for record in records]
         for row in self.rows:
-            row["options"] = stated(row)  # a tuned value is not one that a claim may ask for
+            row["options"] = stated(row)  # a claim cannot ask for the value that tuning found
         self._index = CellIndex.of_rows(self.rows)
         self._options: dict[str, set[str]] = {}
         for row in self.rows:
@@ -102,11 +101,11 @@ class _Table:
                     where = _listed([self._place(row), _shown(row, varying)])
                     cases.append(value_case(claim, row["side"], where))
         verdict, summary = conclude(cases, quantity, notes, sides)
-        judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict}
+        judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict, "quantity": quantity}
         return {**judgement, "numbers": [case.as_numbers() for case in cases], "summary": summary}
 
     def picked(self, claim: Claim, side: Stated, notes: Counter[str]) -> list[Row]:
-        """The finished cells of a side that a claim is about, the column of the claim being a number."""
+        """The finished cells of a side that a claim is about, in which the column of the claim is a finite number."""
         column = claim.metric if isinstance(claim, LowerClaim | SlopeClaim) else claim.of
         about = methods_of(claim)
         of_methods = set().union(*(self._options.get(name, set()) for name in about))
@@ -128,7 +127,10 @@ class _Table:
     def _pairs(
         self, claim: LowerClaim | RatioClaim, picked: list[list[Row]], notes: Counter[str]
     ) -> Iterator[tuple[Side, Side, str]]:
-        """Cells of both sides on one light, material and view, what a side states aside, at equal pairing options."""
+        """Pairs of cells, one from each side, with equal light, material and view and equal pairing options.
+
+        A light, material or view that a side states need not be equal.
+        """
         shared = set.intersection(*({key for row in rows for key in row["options"]} for rows in picked))
         budgets = {row["budget"] for rows in picked for row in rows}
         keys, places = pairing(claim, shared, budgets)
@@ -145,7 +147,7 @@ class _Table:
                 sides = zip((a, b), varying, strict=True)
                 told = [_shown(row, [key for key in own if key not in keys]) for row, own in sides]
                 told = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), told, strict=True)]
-                if a.get("n_samples") != b.get("n_samples"):  # a pattern may not meet the budget
+                if a.get("n_samples") != b.get("n_samples"):  # a pattern may have fewer or more samples than the budget
                     told = [
                         f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(told, (a, b), strict=True)
                     ]
@@ -195,7 +197,7 @@ def _shown(row: Row, keys: Collection[str]) -> str:
 
 
 def _key(row: Row, options: Collection[str], places: Collection[str] = CONDITIONS) -> str:
-    """What a cell is about, and some of its method's options, as text."""
+    """The light, material and view of a cell, and some options of its method, as text."""
     about = [(row[place], row[f"{place}_options"]) for place in places]
     values = [row["options"].get(row["budget"] if key == BUDGET else key) for key in options]
     return json.dumps([about, values], sort_keys=True)
@@ -208,7 +210,7 @@ def _side_of(row: Row, column: str, value: float) -> Side:
 
 
 def _over_seeds(rows: Iterable[Row]) -> list[Row]:
-    """Rows of which those that differ in the seed of their random points alone are one, with a side of them all."""
+    """The rows, with those that differ only in the seed of their random points merged into one row with one side."""
     alike: dict[str, list[Row]] = {}
     for row in rows:
         options = {key: value for key, value in row["options"].items() if key != SEED or not row.get("is_random")}
@@ -225,9 +227,9 @@ def _over_seeds(rows: Iterable[Row]) -> list[Row]:
 
 
 def _curves(rows: list[Row]) -> list[tuple[list[Row], str]]:
-    """Rows of one place as curves with one point for each value of what the claim is over.
+    """The rows of one light, material and view as curves, with one point for each value of the claim's `over`.
 
-    Rows that share a value are told apart by the option that has the fewest values among them.
+    If several rows share a value, the option with the fewest values among them splits the rows into several curves.
     """
     points: dict[float, list[Row]] = {}
     for row in rows:

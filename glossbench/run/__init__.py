@@ -1,4 +1,4 @@
-"""Running a study: cells are computed, measured and kept in a folder of results.
+"""Run a study: compute and measure its cells, and store them in a folder of results.
 
-It imports findings, study, truth and the rooms below. Reports import this room and the rooms below it.
+The room imports findings, study, truth and the rooms below. Reports import this room and the rooms below it.
 """

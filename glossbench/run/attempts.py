@@ -1,4 +1,4 @@
-"""Cells that were begun: what ends the process in mid-cell is tried again, last of all, and passed over in the end."""
+"""Marks of cells that have begun. A cell that ends the process is tried again last, and passed over in the end."""
 
 import json
 import os
@@ -7,17 +7,17 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-TRIES = 2  # of a plug-in: one end may have been the user's, or another program's hunger for memory
-OUR_TRIES = 5  # of what no plug-in takes part in: somebody else who ends the process is more likely
+TRIES = 2  # with a plug-in: the user, or another program that took the memory, may have ended the process once
+OUR_TRIES = 5  # without a plug-in: it is more likely that something else ended the process
 
 
 class Attempt:
-    """A mark in the folder of results while some work goes on, which stays where the process ends meanwhile.
+    """A mark in the folder of results while some work is done; it stays there if the process ends during the work.
 
     Args:
-        folder: of the marks.
-        key: of the work.
-        tries: how often it may end the process before it is passed over.
+        folder: the folder of the marks.
+        key: the key of the work.
+        tries: how often the work may end the process before it is passed over.
     """
 
     def __init__(self, folder: Path, key: str, tries: int = TRIES) -> None:
@@ -27,7 +27,7 @@ class Attempt:
         self.ended = self._before()
 
     def _before(self) -> int:
-        """How often the process ended in this work; 0 where another run is still at it."""
+        """How often the process ended during this work; 0 if another run is doing it now."""
         try:
             mark = json.loads(self._path.read_text(encoding="utf-8"))
             times, host, pid = int(mark["times"]), str(mark["host"]), int(mark["pid"])
@@ -39,16 +39,16 @@ class Attempt:
 
     @property
     def is_hopeless(self) -> bool:
-        """Whether it ended the process so often that it is passed over."""
+        """Whether the work ended the process so often that it is passed over."""
         return self.ended >= self._tries
 
     @property
     def told(self) -> str:
-        """Why it is passed over."""
+        """Why the work is passed over."""
         return f"the process ended {self.ended} times in here, killed or for want of memory: passed over"
 
     def begin(self) -> None:
-        """Leave the mark."""
+        """Write the mark."""
         if not self._is_ours:
             self._is_ours = True
             mark: dict[str, Any] = {"times": self.ended + 1, "host": socket.gethostname(), "pid": os.getpid()}
@@ -56,10 +56,10 @@ class Attempt:
             self._path.write_text(json.dumps(mark), encoding="utf-8")
 
     def end(self) -> None:
-        """Remove the mark: the work has ended, well or not, and this process has not."""
+        """Remove the mark: the work has ended, with or without success, and the process still runs."""
         if self._is_ours or self.ended:
             self._path.unlink(missing_ok=True)
-            with suppress(OSError):  # other marks are there
+            with suppress(OSError):  # the folder holds other marks
                 self._path.parent.rmdir()
 
 
@@ -76,7 +76,7 @@ def _is_alive(pid: int) -> bool:
 
 
 def remove_marks(folder: Path) -> None:
-    """Remove the marks of this process, which is about to end by its own will."""
+    """Remove the marks of this process, which is about to end itself."""
     for path in folder.glob("*.begun"):
         with suppress(OSError, ValueError, KeyError, TypeError):
             if json.loads(path.read_text(encoding="utf-8"))["pid"] == os.getpid():

@@ -1,4 +1,4 @@
-"""What a cell is made of: a material, view and method of its own, and what its key says of them."""
+"""The parts of a cell: its own material, view and method with their keys, and the source of all its classes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from glossbench.study.cells import Cell
 
 @dataclass(frozen=True)
 class Made:
-    """The material, view and method of a cell, and the text of their keys.
+    """The material, view and method of a cell, and their keys as text.
 
-    They are copies: a plug-in may write into them, and what they keep of their files goes with the cell.
+    They are copies, because a plug-in may write into them. What they read from files is released with the cell.
     """
 
     material: Material
@@ -31,16 +31,16 @@ class Made:
 
     @classmethod
     def of(cls, cell: Cell) -> "Made":
-        """Those of a cell; raises what a plug-in raises."""
+        """The parts of a cell; raises whatever a plug-in raises."""
         material, view, method = copy_of(cell.material), copy_of(cell.view), copy_of(cell.method)
         return cls(material, view, method, tuple(key_text(each.name, each.key()) for each in (material, view, method)))
 
     def check_unchanged(self, cell: Cell) -> None:
-        """That files which they read are still those that the keys name.
+        """Check that the files which they read are still those that the keys name.
 
         Raises:
-            Changed: they are not.
-            MethodError: a plug-in's key is another each time, or a plug-in wrote into one of ours.
+            Changed: a file has changed.
+            MethodError: the key of a plug-in differs at each call, or a plug-in wrote into one of our items.
         """
         for i, each in enumerate((self.material, self.view, self.method)):
             if each.key() == self.keys[i]:
@@ -53,10 +53,10 @@ class Made:
 
 
 class Sources:
-    """The source of all that takes part in cells, hashed once a run.
+    """Hashes of the source of everything that takes part in cells; each is computed once per run.
 
     Args:
-        metrics: all that are measured, by column.
+        metrics: all metrics that are measured, by column.
     """
 
     def __init__(self, metrics: Mapping[str, Metric]) -> None:
@@ -64,21 +64,21 @@ class Sources:
         self._known: dict[type, str] = {}
 
     def of(self, cell: Cell) -> dict[str, Any]:
-        """By kind the hash of the classes of a cell, those of the metrics by column, with their options."""
+        """By kind, the hash of each class of a cell; for metrics a list of (column, options, hash)."""
         light, material, view, method = map(self._hash, _classes(cell))
         metrics = [[column, options, self._hash(cls)] for column, (cls, options) in self._metrics_of(cell).items()]
         return {"light": light, "material": material, "view": view, "method": method, "metrics": metrics}
 
     def any_foreign(self, cell: Cell) -> bool:
-        """Whether plug-ins take part in a cell."""
+        """Whether a plug-in takes part in a cell."""
         return any(map(is_foreign, [*_classes(cell), *(cls for cls, _ in self._metrics_of(cell).values())]))
 
     def foreign_inputs(self, cell: Cell) -> bool:
-        """Whether the light, material or view is a plug-in's."""
+        """Whether the light, material or view comes from a plug-in."""
         return any(map(is_foreign, _classes(cell)[:3]))
 
     def _metrics_of(self, cell: Cell) -> dict[str, tuple[type, dict[str, Any]]]:
-        """All that are measured, and that by which the cell is tuned."""
+        """All metrics that are measured, and the metric by which the cell is tuned."""
         tune = cell.tune
         if tune is None or tune.metric in self._metrics:
             return self._metrics

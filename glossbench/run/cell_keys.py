@@ -1,4 +1,4 @@
-"""The keys of a study's cells: all that makes a cell what it is, hashed before anything is measured."""
+"""The keys of a study's cells: a hash of everything that determines a cell, known before anything is measured."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -17,18 +17,18 @@ from glossbench.study.study import Study
 
 
 class PassedOver(Exception):
-    """A cell that ended the process too often to be tried again."""
+    """A cell that is not tried again, because it ended the process too often."""
 
 
 class Identity(NamedTuple):
-    """What a cell is known by.
+    """The keys of a cell.
 
     Attributes:
-        key: of the cell on disk.
-        spelled: the key of what the study says of it, without a word of the plug-ins that it is made of. Under this is
-            kept what fails before the cell's own key is known, or ends the process.
-        reference_key: of its reference; empty where `key` is `spelled`.
-        keys: of its material, view and method.
+        key: key of the cell on disk.
+        spelled: key of what the study states about the cell, without the keys that plug-ins return. A cell that fails
+            before its own key is known, or that ends the process, is stored under this key.
+        reference_key: key of its reference; empty if `key` is `spelled`.
+        keys: keys of its material, view and method.
         error: why its own key is not known.
         ended: how often the process ended in this cell.
     """
@@ -42,10 +42,10 @@ class Identity(NamedTuple):
 
 
 class CellKeys:
-    """Finds the keys of cells; what an item is, is found once in a run, unless it is a plug-in's.
+    """Finds the keys of cells. The key of an item is computed once per run, unless the item comes from a plug-in.
 
     Args:
-        guard: what the code of plug-ins runs in, for a cell under a key.
+        guard: (cell, key) -> the context manager in which the code of plug-ins runs.
     """
 
     def __init__(
@@ -53,19 +53,22 @@ class CellKeys:
         guard: Callable[[Cell, str], AbstractContextManager[None]],
     ) -> None:  # fmt: skip
         self.sources = Sources(study.measured)
-        self.code = code_hash("glossbench.run.measuring")  # the tuning, shading and metrics that it calls among it
+        self.code = code_hash("glossbench.run.measuring")  # includes the tuning, shading and metrics that it calls
         self._common = [code_hash("glossbench.truth.reference"), study.reference.model_dump(), study.device]
         self._results, self._lights, self._guard = results, lights, guard
         self._marks = results.folder / "begun"
-        self._study = study  # holds its items, so that an id means one of them
+        self._study = study  # keeps its items alive, so that each id belongs to one of them
         self._known: dict[int, str] = {}
         self._spelled: dict[int, list[Any]] = {}
 
     def of(self, cell: Cell, again: bool = False) -> Identity:
-        """The identity of a cell; raises what says that a file cannot be read, or has changed.
+        """The identity of a cell.
 
         Args:
-            again: try again what failed before its own key was known.
+            again: try a cell again that failed before its own key was known.
+
+        Raises:
+            InputError: a file cannot be read, or has changed.
         """
         sources, is_foreign = self.sources.of(cell), self.sources.any_foreign(cell)
         items = {kind: self._stated(item) for kind, item in _items(cell).items()}
@@ -74,7 +77,7 @@ class CellKeys:
         if is_there and not again:
             return Identity(spelled, spelled)
         tried = Attempt(self._marks, spelled, TRIES if is_foreign else OUR_TRIES)
-        attempt = Attempt(self._marks, f"{spelled}_key")  # another one: it ends before the cell begins
+        attempt = Attempt(self._marks, f"{spelled}_key")  # a second mark, which is removed before the cell begins
         for each in (tried, attempt):
             if each.is_hopeless and not is_there:
                 each.end()

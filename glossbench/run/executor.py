@@ -1,4 +1,4 @@
-"""Running the cells of a study one after another: each read from disk, or made, measured and written."""
+"""Run the cells of a study one after another: each is read from disk, or made, measured and written."""
 
 import sys
 import threading
@@ -38,13 +38,14 @@ from glossbench.truth.reference import Reference, compute_reference
 
 @dataclass(frozen=True)
 class Progress:
-    """What a run tells while it goes on; each is a function that may do nothing.
+    """Functions that a run calls to report its progress; by default each does nothing.
 
     Attributes:
-        begin: the number of cells.
-        doing: what is under way, in a few words.
-        cell: a cell is done, with its row.
-        note: what is out of the ordinary, a line: a damaged file that is made again, a fuller study that stays.
+        begin: called at the start, with the number of cells.
+        doing: called with the present work, in a few words.
+        cell: called when a cell is done, with its row.
+        note: called with one line about something unusual: a damaged file is made again, or the folder keeps a study
+            with more cells.
     """
 
     begin: Callable[[int], None] = lambda n: None
@@ -54,7 +55,7 @@ class Progress:
 
 
 class Executor:
-    """Runs one cell after another; stages and the reference, which neighbours share, it keeps meanwhile."""
+    """Runs one cell after another. It keeps stages and the reference for the next cells, which often share them."""
 
     def __init__(
         self, study: Study, results: Results, progress: Progress, use_cache: bool = True, fail_fast: bool = False
@@ -63,7 +64,7 @@ class Executor:
         self.use_cache, self.fail_fast = use_cache, fail_fast
         self.lights = StudyLights(study.device, results.folder / "begun")
         self.keys = CellKeys(study, results, self.lights, lambda cell, key: self._guarded(cell, self._begun(cell, key)))
-        self._whole: dict[str, bool] = {}  # by key of a reference, whether it is on disk as it was written
+        self._whole: dict[str, bool] = {}  # key of a reference -> whether it is on disk, undamaged
         self._truth: tuple[str, Reference] | None = None
         self._stages_light: Light | None = None
         self._forget()
@@ -72,7 +73,7 @@ class Executor:
         """The row of a cell: read from disk, or made and written.
 
         Raises:
-            Changed: a file is not what it was when the run began.
+            Changed: a file has changed since the run began.
             CannotWrite: the folder of results cannot be written.
         """
         record = self._begun(cell, known.key, known.reference_key)
@@ -101,10 +102,10 @@ class Executor:
         return row
 
     def _failed(self, record: CellRecord, error: BaseException) -> dict[str, Any]:
-        """The row of a cell that raised, written; some of what is raised ends the run."""
+        """Write and return the row of a cell that raised; some exceptions end the run instead."""
         self._forget()
         if isinstance(error, CannotWrite) and error.path.is_relative_to(self.results.folder):
-            raise error  # no fault of the cell's
+            raise error  # the folder is at fault, not the cell
         if isinstance(error, KeyboardInterrupt | Changed) or (self.fail_fast and isinstance(error, Exception)):
             raise error
         if self.fail_fast:
@@ -113,7 +114,7 @@ class Executor:
         return self._written(_failure(record, told))
 
     def _execute(self, cell: Cell, record: CellRecord, made: Made) -> tuple[CellRecord, Image | None, Any]:
-        """The record of a cell with all that is measured, its image and its pattern."""
+        """(record of a cell with all measurements, its image, its pattern)."""
         material, view, method = made.material, made.view, made.method
         with self._guarded(cell, record):
             reason = reason_of(method.name, method.supports(material, view.scene()))
@@ -122,12 +123,12 @@ class Executor:
             if is_foreign(type(view)):
                 check_view(view)
             light = self.lights.get(cell.light)
-        if self._stages_light is not cell.light:  # stages of another light are of no use any more
+        if self._stages_light is not cell.light:  # stages of another light are not needed any more
             self._stages, self._stages_light = StageCache(self.progress.doing), cell.light
         truth = self._reference(cell, record, light, made)
         self.progress.doing(cell.method.name)
         with self._guarded(cell, record):
-            # What cells share beside the light and the stages; a plug-in may write into it unseen.
+            # What cells share, apart from the light and the stages; a plug-in may write into it unnoticed.
             shared = (truth, view.scene(), material.reflectance()) if self.keys.sources.any_foreign(cell) else ()
             before = digest_of(*shared)
             record, image, half_vectors = measure(
@@ -151,7 +152,7 @@ class Executor:
         return record, image, half_vectors
 
     def _reference(self, cell: Cell, record: CellRecord, light: CubeMap, made: Made) -> Reference:
-        """The truth as it is on disk: float32, so that a resumed run compares with the same numbers."""
+        """The reference as read from disk, in float32, so that a resumed run compares with the same numbers."""
         key = record.reference_key
         if self._truth is not None and self._truth[0] == key:
             return self._truth[1]
@@ -161,7 +162,7 @@ class Executor:
             with ExitStack() as limits:
 
                 def begin_round() -> None:
-                    limits.close()  # the limit is for each round, and plug-ins alone: a reference may take long
+                    limits.close()  # the limit is per round, and only for plug-ins: a reference may take long
                     if self.keys.sources.foreign_inputs(cell):
                         limits.enter_context(self._guarded(cell, record))
 
@@ -194,7 +195,7 @@ class Executor:
         return stored
 
     def _stored(self, cell: Cell, record: CellRecord) -> dict[str, Any] | None:
-        """The row of a cell on disk, where all its files are as they were written; its reference is, or is made so."""
+        """The row of a cell on disk if all its files are undamaged, else None. Makes its reference again if needed."""
         key = record.key
         if not (self.use_cache and self.results.has_cell(key)):
             return None
@@ -204,11 +205,11 @@ class Executor:
         stored = self.results.cell(key)
         if stored["status"] == "done" and not self._has_reference(record.reference_key):
             self._reference(cell, record, self.lights.get(cell.light), Made.of(cell))
-        # The key does not tell what an image file was called, nor a seed that nothing took.
+        # The key does not include the name of an image file, nor a seed that nothing used.
         return stored | entry(record.row())
 
     def _has_reference(self, key: str) -> bool:
-        """Whether a reference is on disk as it was written; looked at once a run."""
+        """Whether a reference is on disk, undamaged; checked once per run."""
         if key not in self._whole:
             is_there = self.use_cache and self.results.has_reference(key)
             damage = self.results.damage_of_reference(key) if is_there else ""
@@ -219,13 +220,13 @@ class Executor:
 
     @contextmanager
     def _guarded(self, cell: Cell, record: CellRecord) -> Iterator[None]:
-        """What runs under the time limit; where plug-ins take part, the process is afterwards as it was."""
+        """A context with the time limit. If plug-ins take part, it restores the state of the process at its end."""
         limit = time_limit(self.study.time_limit, partial(self._give_up, record, threading.get_ident()))
         with Restored("a plug-in") if self.keys.sources.any_foreign(cell) else nullcontext(), limit:
             yield
 
     def _give_up(self, record: CellRecord, thread: int) -> None:
-        """Write the row of a cell that cannot be interrupted, with where it is, before the process ends."""
+        """Write the row of a cell that cannot be interrupted, with its stack, before the process ends."""
         reason = f"took more than the time limit of {self.study.time_limit:g} s, and could not be interrupted"
         stack = "".join(traceback.format_stack(sys._current_frames()[thread]))
         self._written(_failure(record, f"{stack}TimeoutError: {reason}\n"))
@@ -242,7 +243,7 @@ class Executor:
         )  # fmt: skip
 
     def _forget(self) -> None:
-        """Let go of all that cells share: a plug-in may have spoilt it."""
+        """Drop everything that cells share, because a plug-in may have damaged it."""
         self._stages, self._stages_light = StageCache(self.progress.doing), None
         self._truth = None
         self.lights.forget()
@@ -255,5 +256,5 @@ class Executor:
 
 
 def _failure(record: CellRecord, reason: str) -> CellRecord:
-    """The record of a cell that failed; half a character, which a name of a file may hold, is escaped."""
+    """The record of a cell that failed; lone surrogates, which the name of a file may contain, are escaped."""
     return replace(record, status="failed", reason=printable(reason))

@@ -1,4 +1,4 @@
-"""A folder that this program writes results to: what is in it may be damaged, or come from a stranger."""
+"""A folder to which this program writes results. Its files may be damaged, or written by somebody else."""
 
 import errno
 import os
@@ -20,16 +20,16 @@ from glossbench.strict_json import sealed, unsealed
 
 @dataclass(frozen=True)
 class Folder:
-    """A folder of results. No link leads out of it, and only what this program wrote is written over.
+    """A folder of results. Links out of it are not followed, and only files of this program are overwritten.
 
     Attributes:
-        root: its path, which itself may be a link.
+        root: its path, which may itself be a link.
     """
 
     root: Path
 
     def path(self, name: str) -> Path:
-        """Of a file or folder in it; InputError for one that a link leads out of it, for a device and a pipe."""
+        """The path of a file or folder in it; InputError for a link that leads out of it, a device or a pipe."""
         path = self.root / name
         real = Path(os.path.realpath(path))
         if not real.is_relative_to(os.path.realpath(self.root)):
@@ -40,12 +40,16 @@ class Folder:
 
     @property
     def manifest(self) -> Manifest:
-        """Which files are this program's, and which cells the study has."""
+        """The list of files that this program wrote, and of the study's cells."""
         self.path(NAME)
         return Manifest.read(self.root)
 
     def create(self) -> None:
-        """Make the folders of a run, or say why they cannot be made; remove what a killed run left half-written."""
+        """Make the folders of a run, and remove files that a killed run left half-written.
+
+        Raises:
+            InputError: a folder cannot be made or written.
+        """
         try:
             os.fspath(self.root).encode()
             for name in ("", "cells", "images", "references"):
@@ -62,7 +66,11 @@ class Folder:
             raise InputError(f"cannot write results to {self.root}: {error.strerror}") from None
 
     def own(self, *names: str) -> None:
-        """State that files will be this program's, before they are written; InputError for one of somebody else."""
+        """Record in the manifest that files are this program's, before they are written.
+
+        Raises:
+            InputError: one of them exists and belongs to somebody else.
+        """
         manifest = self.manifest
         manifest.check_foreign(self.root, names)
         if not os.access(self.root, os.W_OK | os.X_OK):
@@ -71,7 +79,7 @@ class Folder:
             replace(manifest, files={**manifest.files, **dict.fromkeys(names)}).write(self.root)
 
     def keep_only(self, ending: str, folder: str, names: Collection[str]) -> None:
-        """State what was written into a sub-folder; remove what this program wrote there earlier, with that ending."""
+        """Record the files written into a sub-folder; remove those with this ending that this program wrote earlier."""
         manifest = self.manifest
         written = [f"{folder}/{name}" for name in names]
         old = [n for n in manifest.files if n not in written and re.fullmatch(rf"{folder}/\w+{re.escape(ending)}", n)]
@@ -84,22 +92,22 @@ class Folder:
             self.path(folder).rmdir()
 
     def write(self, name: str, text: str) -> None:
-        """Write a text under a name, whole or not at all."""
+        """Write a text to a file, completely or not at all."""
         with replacing(self.path(name)) as part:
             part.write_text(text, encoding="utf-8")
 
     def write_with(self, name: str, data: dict[str, Any], files: Iterable[str]) -> None:
-        """Write a mapping as JSON, with checksums of itself and of other files, which are there already."""
+        """Write a mapping as JSON, with checksums of itself and of other files, which must exist already."""
         self.write(name, sealed({**data, "files": {other: self.checksum(other) for other in files}}))
 
     def read(self, name: str) -> dict[str, Any]:
-        """What `write_with` wrote; ValueError where it is damaged."""
+        """What `write_with` wrote; ValueError if the file is damaged."""
         data = unsealed(self.path(name).read_bytes())
         data.pop("files", None)
         return data
 
     def checksum(self, name: str) -> str | None:
-        """SHA-256 of a file; None where there is none."""
+        """SHA-256 of a file; None if it cannot be read."""
         try:
             with self.path(name).open("rb") as file:
                 return file_digest(file, "sha256").hexdigest()
@@ -107,9 +115,9 @@ class Folder:
             return None
 
     def damage(self, name: str) -> str:
-        """What is wrong with what `write_with` wrote, and with its files: "" where all is as it was.
+        """The damage to a file that `write_with` wrote, or to the files that it names: "" if there is none.
 
-        Of what is not there, and of older results, which have no checksums, nothing is known to be wrong.
+        A missing file, and results of older versions, which have no checksums, count as undamaged.
         """
         try:
             stated = unsealed(self.path(name).read_bytes()).get("files", {})
@@ -122,17 +130,17 @@ class Folder:
             return self.fault(name)
 
     def is_altered(self, name: str) -> bool:
-        """Whether a file of a finished run is not what the run wrote."""
+        """Whether a file of a finished run has changed since the run wrote it."""
         checksum = self.manifest.files.get(name)
         return checksum is not None and self.checksum(name) != checksum
 
     def write_table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write rows as Parquet; by a file that is open, for a name may look like an address."""
+        """Write rows as Parquet; into an open file, because pandas may take a name for an address."""
         with replacing(self.path(name)) as part, part.open("wb") as file:
             pandas.DataFrame(rows).to_parquet(file, index=False)
 
     def table(self, name: str) -> pandas.DataFrame | None:
-        """The table that was written under a name; None where it is damaged."""
+        """The table in a file; None if it is damaged."""
         try:
             with self.path(name).open("rb") as file:
                 return None if self.is_altered(name) else pandas.read_parquet(file)
@@ -142,5 +150,5 @@ class Folder:
             return None
 
     def fault(self, name: str) -> str:
-        """That a file is damaged, or not there."""
+        """The message that a file is damaged or missing."""
         return f"{self.root / name} is {'damaged' if self.path(name).is_file() else 'missing'}"

@@ -1,4 +1,4 @@
-"""What a folder of results is known by: which of its files this program wrote, and the cells that its study has."""
+"""The manifest of a folder of results: the files that this program wrote, and the cells of its study."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -12,21 +12,22 @@ from glossbench.strict_json import sealed, unsealed
 
 NAME = "glossbench.json"
 SUMMARY = ("study.yaml", "provenance.json", "claims.json", "cells.parquet")
-KEPT = ("columns.json", "described.json")  # what else a run says of its results; older results lack it
+KEPT = ("columns.json", "described.json")  # further files about the results; results of older versions lack them
 REPORTS = ("report.html", "report.pdf")
-ENTRY = ("key", "light_options", "seed")  # of a cell: a key does not know what a file was called, nor an unused seed
+# Columns of a cell's entry. A key includes neither the name of a file nor an unused seed.
+ENTRY = ("key", "light_options", "seed")
 LISTED, STATED = ("light", "material", "view", "methods"), ("reference", "seed", "device")
 COMPARED = (*LISTED, *STATED, "metrics", "exclude")  # keys of a resolved study that decide its cells
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """The files of a folder of results that this program wrote, and its cells. A stranger may have written it.
+    """The files of a folder of results that this program wrote, and its cells. The manifest itself may be forged.
 
     Attributes:
-        cells: of each cell of the study, in order, the columns ENTRY of its row; none is known of older results.
-        files: by name the SHA-256 of what a finished run wrote, or None where the content is not of interest.
-        is_finished: the table of cells and the verdicts are there.
+        cells: for each cell of the study, in order, the columns ENTRY of its row; empty for results of older versions.
+        files: by name, the SHA-256 of a file of a finished run, or None if its content is not checked.
+        is_finished: whether the table of cells and the verdicts have been written.
     """
 
     cells: tuple[dict[str, Any], ...] = ()
@@ -35,7 +36,7 @@ class Manifest:
 
     @staticmethod
     def read(folder: Path) -> "Manifest":
-        """The manifest of a folder; of older results, or where it is damaged, what the names of files say."""
+        """The manifest of a folder; if it is missing or damaged, one made from the names of the files."""
         there = [name for name in (*SUMMARY, *KEPT, *REPORTS) if os.path.lexists(folder / name)]
         is_finished = set(SUMMARY) <= set(there)
         try:
@@ -50,7 +51,7 @@ class Manifest:
         return Manifest((), dict.fromkeys(there), is_finished)
 
     def check_foreign(self, folder: Path, names: Iterable[str]) -> None:
-        """InputError for a file of somebody else that has one of these names."""
+        """InputError if one of these files exists and belongs to somebody else."""
         for name in names:
             if name not in self.files and os.path.lexists(folder / name):
                 raise InputError(
@@ -61,10 +62,10 @@ class Manifest:
     def missing(
         self, before: Mapping[str, Any] | None, study: Mapping[str, Any], cells: Iterable[Mapping[str, Any]]
     ) -> list[str]:
-        """What a folder has, in a few words each, that another resolved study with these cells has not.
+        """What the folder has, in a few words each, and another resolved study with these cells does not have.
 
         Args:
-            before: the study of the folder; None where it cannot be read.
+            before: the study of the folder; None if it cannot be read.
         """
         known = {cell["key"] for cell in cells}
         gone = [cell for cell in self.cells if cell["key"] not in known]
@@ -75,25 +76,25 @@ class Manifest:
         return _lost(before, study)
 
     def write(self, folder: Path) -> None:
-        """Put it in place of the last."""
+        """Write the manifest in place of the previous one."""
         data = {"cells": list(self.cells), "files": dict(self.files), "is_finished": self.is_finished}
         with replacing(folder / NAME) as part:
             part.write_text(sealed(data))
 
 
 def entry(row: Mapping[str, Any]) -> dict[str, Any]:
-    """What a manifest has of the row of a cell."""
+    """The entry of a manifest for the row of a cell."""
     return {column: row[column] for column in ENTRY if column in row}
 
 
 def listed(texts: Iterable[str], most: int = 4) -> str:
-    """Some texts in a line: the first ones, and how many more there are."""
+    """Texts in one line: the first ones, and the number of the others."""
     every = list(texts)
     return ", ".join(every[:most]) + (f" and {len(every) - most} more" if len(every) > most else "")
 
 
 def _lost(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """What an old resolved study compares that a new one does not; nothing where the new one has all of it."""
+    """What an old resolved study compares and a new one does not; empty if the new one has all of it."""
     found = [
         f"{kind.removesuffix('s')} {next(iter(item))}" for kind in LISTED for item in old[kind] if item not in new[kind]
     ]

@@ -1,4 +1,4 @@
-"""Measuring one cell: its tuned option, its image, the metrics and the costs."""
+"""Measure one cell: its tuned option, its image, the metrics and the costs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -36,16 +36,18 @@ def measure(
     record: CellRecord, method: Method, tune: Tune | None, metrics: Mapping[str, Metric], cache: StageCache,
     light: CubeMap, material: Material, view: View, truth: Reference,
 ) -> Measured:  # fmt: skip
-    """What a method shows of a material under a light, against the truth.
+    """Shade a material under a light with a method, and compare the image with the reference.
 
     Args:
-        record: of the cell, with nothing measured yet.
-        tune: the option to be set first where a metric is least.
-        metrics: by column; rms is among them.
-        cache: stages that other cells left and may use.
+        record: the record of the cell, with nothing measured yet.
+        tune: an option to be set first to the value at which a metric is lowest.
+        metrics: the metrics by column; rms is among them.
+        cache: stages that cells share.
+        truth: the reference.
 
     Raises:
-        MethodError: as `shade`; or a metric is no number, or the method wrote into a stage that others read.
+        MethodError: as in `shade`; or a metric does not return a number, or the method wrote into a stage that other
+            cells read.
     """
     tuned: dict[str, float] = {}
 
@@ -56,7 +58,7 @@ def measure(
         return number_of(metric.name, value)
 
     def with_left_out(metric: Metric, image: Image) -> list[float]:
-        """A metric against the reference, and against it without each group; alone if any of these is infinite."""
+        """The metric against the whole reference, then without each group; only the first if any is not finite."""
         values = [metric_of(metric, image, each) for each in (truth, *truth.left_out(metric.n_groups))]
         return values if np.isfinite(values).all() else values[:1]
 

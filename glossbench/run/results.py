@@ -1,18 +1,20 @@
-"""What a run leaves on disk: one folder a study; each cell whole or not at all, under a key of what made it.
+"""The results of a run on disk: one folder per study. A cell is stored completely or not at all, under its key.
 
 study.yaml          the resolved study
-cells.parquet       one row a cell, in the order of the study
-columns.json        of each column of that table the unit, title and role, as the run knew them
-described.json      what the run knew of its methods, materials, lights, views and metrics
+cells.parquet       one row per cell, in the order of the study
+columns.json        unit, title and role of each column of that table, from the version of the run
+described.json      descriptions of its methods, materials, lights, views and metrics, from the version of the run
 claims.json         the verdicts
 provenance.json     versions, hardware, times
-glossbench.json     which files here are this program's, and the keys of the study's cells: there from the start
-cells/KEY.json      the row of one cell, with checksums of itself and of its files; it says that the cell is done
-begun/KEY.begun     a mark while a cell is under way: how often the process ended in it
-images/KEY.exr      its image; KEY_half_vectors.npy the pattern and KEY_state_NAME.exr pictures of its state, where a
-                    method has them; KEY_flip_N.npz a FLIP map, once a page was made, of N x N pixels averaged
-references/KEY.exr  a reference; KEY_standard_error.exr its error bar, KEY_deviates.npz what its groups of replicates
-                    deviate by, KEY_mask.png its pixels, KEY.json its numbers
+glossbench.json     the list of files that this program wrote, and the keys of the study's cells; exists from the start
+cells/KEY.json      the row of one cell, with checksums of itself and of its files; its existence means that the cell is
+                    done
+begun/KEY.begun     a mark while a cell is computed: how often the process ended during this cell
+images/KEY.exr      the image of a cell. KEY_half_vectors.npy is its pattern and KEY_state_NAME.exr are pictures of its
+                    state, if the method has them; KEY_flip_N.npz is a FLIP map averaged over N x N pixels, if a page
+                    was made
+references/KEY.exr  a reference. KEY_standard_error.exr is its standard error, KEY_deviates.npz holds the deviations of
+                    its groups of replicates, KEY_mask.png its pixels, KEY.json its numbers
 """
 
 import hashlib
@@ -47,18 +49,18 @@ AGAIN = "; the same `glossbench run` makes it again"
 
 
 def key_of(parts: Any) -> str:
-    """A key for the disk: the first 80 bits of the SHA-256 of some JSON data."""
+    """A key for files: the first 80 bits of the SHA-256 of JSON data."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:20]
 
 
 class Results:
-    """The folder of one study's run, to read and to add to.
+    """The results of one study in a folder, to be read or extended.
 
     Args:
-        folder: as `glossbench run` made it.
+        folder: a folder that `glossbench run` made, or will make.
 
     Raises:
-        InputError: the folder cannot be made or written (begin), or holds no results (read).
+        InputError: the folder cannot be made or written (begin), or does not hold results (read).
     """
 
     def __init__(self, folder: Path | str) -> None:
@@ -67,7 +69,7 @@ class Results:
 
     @classmethod
     def open(cls, folder: Path | str) -> "Results":
-        """Results that are there, of a run that is finished or not."""
+        """Existing results, of a finished or unfinished run."""
         results = cls(folder)
         for name in ["study.yaml"] if results.disk.manifest.cells else ["cells.parquet", *SUMMARY]:
             if not results.disk.path(name).is_file():
@@ -75,7 +77,7 @@ class Results:
         return results
 
     def create(self) -> None:
-        """Make the folders, or say why they cannot be made; remove what a killed run left half-written.
+        """Make the folders, and remove files that a killed run left half-written.
 
         Raises:
             InputError: the folder cannot be written, or holds files of somebody else that would be lost.
@@ -86,10 +88,13 @@ class Results:
     # A run, from its beginning to its end.
 
     def begin(self, study: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], provenance: Mapping[str, Any]) -> str:
-        """Note in the folder a study and the cells that it will have; says what of a fuller one stays.
+        """Record a study and its future cells in the folder.
 
-        A study that has all that an earlier one of this folder compares takes its place. One that is a part of the
-        earlier one adds to that, which stays.
+        A study that compares everything that the folder's earlier study compares replaces it. A study that is a part
+        of the earlier one adds its results to it, and the earlier study stays.
+
+        Returns:
+            What the folder keeps of the earlier study, in one line; "" if the new study replaces it.
 
         Raises:
             InputError: the folder holds results of another study, or files of somebody else; nothing is written.
@@ -120,9 +125,9 @@ class Results:
         rows: list[dict[str, Any]],
         provenance: dict[str, Any],
     ) -> None:
-        """Write the study, its verdicts, its provenance, and last the table of cells: that says that all is there.
+        """Write the study, its verdicts, its provenance and, last, the table of cells, which marks the run as finished.
 
-        Where the folder has a fuller study, that is the one which stays, with these rows among its own.
+        If the folder keeps an earlier study with more cells, these rows are added to those of the earlier study.
         """
         old = self.disk.manifest
         by_entry = {dumps(entry(row)): row for row in rows}
@@ -133,7 +138,7 @@ class Results:
                 return
             verdicts = self._judged(pandas.DataFrame(rows))
         for partial in self.disk.path("references").glob(f"{'[0-9a-f]' * 20}.partial.npz"):
-            partial.unlink(missing_ok=True)  # of a study that has changed since
+            partial.unlink(missing_ok=True)  # left by a study that has changed since
         self.disk.write("study.yaml", dump(study))
         self.disk.write("claims.json", dumps(verdicts, indent=1))
         self.disk.write("provenance.json", dumps(provenance, indent=1))
@@ -148,22 +153,22 @@ class Results:
         return self.disk.path(f"cells/{key}.json").is_file()
 
     def remove_cell(self, key: str) -> None:
-        """Forget that a cell is done."""
+        """Remove the row of a cell, so that it counts as new."""
         self.disk.path(f"cells/{key}.json").unlink(missing_ok=True)
 
     def cell(self, key: str) -> dict[str, Any]:
-        """The row of one cell; ValueError where its file is damaged."""
+        """The row of one cell; ValueError if its file is damaged."""
         return numbers(self.disk.read(f"cells/{key}.json"))
 
     def damage_of_cell(self, key: str) -> str:
-        """What is wrong with the files of a cell that is there; nothing where all are as they were written."""
+        """The damage to the files of an existing cell, in words; "" if all are as they were written."""
         return self.disk.damage(f"cells/{key}.json")
 
     def add_cell(self, row: dict[str, Any], image: Image | None, half_vectors: NDArray[np.float32] | None) -> None:
-        """Write a cell; its row comes last, because the row says that it is done."""
+        """Write a cell. Its row comes last, because the row marks the cell as done."""
         key, written = row["key"], []
         for path in self.disk.path("images").glob(f"{key}_flip_*.npz"):
-            path.unlink(missing_ok=True)  # of an image that now goes
+            path.unlink(missing_ok=True)  # a map of the image that is replaced now
         if image is not None:
             written = [self._write_image(f"images/{key}.exr", image.radiance)]
             for name, picture in image.pictures.items():
@@ -181,11 +186,11 @@ class Results:
         return self.disk.path(f"references/{key}.json").is_file()
 
     def damage_of_reference(self, key: str) -> str:
-        """What is wrong with the files of a reference that is there; nothing where all are as they were written."""
+        """The damage to the files of an existing reference, in words; "" if all are as they were written."""
         return self.disk.damage(f"references/{key}.json")
 
     def add_reference(self, key: str, truth: Reference, seconds: float) -> None:
-        """Write a reference, its numbers last."""
+        """Write a reference. Its numbers come last, because they mark it as done."""
         written = [
             self._write_image(f"references/{key}.exr", truth.radiance),
             self._write_image(f"references/{key}_standard_error.exr", truth.standard_error),
@@ -211,7 +216,7 @@ class Results:
 
     @property
     def cells(self) -> pandas.DataFrame:
-        """One row a cell that is there; a cell whose files are damaged has failed, and its reason says which."""
+        """One row per existing cell; a cell with damaged files counts as failed, and its reason names the file."""
         manifest = self.disk.manifest
         cells = self.disk.table("cells.parquet") if manifest.is_finished else None
         if cells is None and not manifest.cells:
@@ -235,7 +240,7 @@ class Results:
 
     @property
     def columns(self) -> dict[str, Column]:
-        """The columns of the cells by name, as the run knew them; of older results, as this version knows them."""
+        """The columns of the cells by name, as the run stored them; for older results, those of this version."""
         if not self.disk.is_altered("columns.json"):
             with suppress(OSError, ValueError, InputError):
                 return columns_from_json(loads(self.disk.path("columns.json").read_bytes()))
@@ -248,7 +253,7 @@ class Results:
 
     @property
     def descriptions(self) -> Descriptions:
-        """What the run knew of all that its study names; of older results, what is installed here."""
+        """The descriptions of everything that the study names, as the run stored them; else those installed here."""
         if not self.disk.is_altered("described.json"):
             with suppress(OSError, ValueError, InputError):
                 return Descriptions.of_dict(loads(self.disk.path("described.json").read_bytes()))
@@ -256,7 +261,7 @@ class Results:
 
     @property
     def claims(self) -> list[dict[str, Any]]:
-        """The verdicts; of a run that is not finished those on the cells that are there, and each says so."""
+        """The verdicts; for an unfinished run, verdicts on the existing cells, and each summary says so."""
         if self.disk.manifest.is_finished and not self.disk.is_altered("claims.json"):
             with suppress(OSError, json.JSONDecodeError):
                 loaded: list[dict[str, Any]] = loads(self.disk.path("claims.json").read_bytes())
@@ -265,17 +270,17 @@ class Results:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """Versions, hardware, times; nothing where the file is damaged."""
+        """Versions, hardware, times; empty if the file is damaged."""
         loaded: dict[str, Any] = {}
         with suppress(OSError, json.JSONDecodeError, UnicodeDecodeError):
             loaded = json.loads(self.disk.path("provenance.json").read_bytes())
         return loaded
 
     def remarks(self, cells: pandas.DataFrame) -> list[str]:
-        """What of the folder is not as a finished run leaves it, a line each.
+        """What differs in the folder from a finished run, as lines: missing cells and damaged files.
 
         Args:
-            cells: of these results.
+            cells: the cells of these results.
         """
         of = self.disk.manifest.cells
         found = [f"{len(cells)} of {len(of)} cells are done: the claims are judged on these"]
@@ -286,7 +291,7 @@ class Results:
         return (found if len(cells) < len(of) else []) + lines
 
     def image(self, key: str) -> NDArray[np.float32]:
-        """Radiance (H, W, 3) of a cell."""
+        """Radiance (H, W, 3) of a cell's image."""
         return self._pixels(f"images/{key}.exr")
 
     def reference(self, key: str) -> NDArray[np.float32]:
@@ -298,7 +303,7 @@ class Results:
         return self._pixels(f"references/{key}_standard_error.exr")
 
     def deviates(self, key: str) -> NDArray[np.float16]:
-        """What each group of replicates of a reference deviates by (G, H, W, 3), in standard errors."""
+        """Deviations (G, H, W, 3) of the groups of replicates of a reference [standard errors]."""
         with self.disk.path(f"references/{key}_deviates.npz").open("rb") as file, np.load(file) as stored:
             return np.asarray(stored["deviates"])
 
@@ -308,7 +313,7 @@ class Results:
             return np.asarray(picture) > 0
 
     def half_vectors(self, key: str) -> NDArray[np.float32] | None:
-        """The pattern (N, 2), theta and phi, of a cell; None where the method has none."""
+        """The pattern (N, 2), theta and phi, of a cell; None if the method has none."""
         path = self.disk.path(f"images/{key}_half_vectors.npy")
         return np.load(path, allow_pickle=False) if path.is_file() else None
 
@@ -326,20 +331,20 @@ class Results:
         return name
 
     def _study_before(self) -> dict[str, Any] | None:
-        """The study on disk; None where there is none that can be read."""
+        """The study on disk; None if it cannot be read or is not complete."""
         with suppress(InputError):
             study = self.study
             return study if set(COMPARED) <= set(study) else None
         return None
 
     def _row(self, cell: Mapping[str, Any]) -> dict[str, Any] | None:
-        """The row of a cell of the manifest; None where it is not there, or damaged."""
+        """The row of a cell of the manifest; None if it is missing or damaged."""
         with suppress(OSError, ValueError):
             return self.cell(cell["key"]) | dict(cell)
         return None
 
     def _judged(self, cells: pandas.DataFrame) -> list[dict[str, Any]]:
-        """The verdicts of the study on disk on some of its cells."""
+        """The verdicts on some cells, for the claims of the study on disk."""
         verdicts = judge(stated_claims(self.study), cells) if len(cells) else []
         n, of = len(cells), len(self.disk.manifest.cells)
         said = f"over {n} of {of} cells: " if n < of else ""

@@ -1,4 +1,4 @@
-"""Running a study: cell after cell, each remembered on disk, so that a killed run goes on from there."""
+"""Run a study cell by cell. Each cell is stored on disk, so that a killed run continues where it stopped."""
 
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
@@ -38,21 +38,22 @@ def run_study(
     fail_fast: bool = False,
     progress: Progress | None = None,
 ) -> Results:
-    """Execute all cells of a study that are not on disk, judge its claims, and leave all in `folder`.
+    """Run all cells of a study that are not on disk, judge its claims, and write all results into `folder`.
 
-    A cell that raises anything but KeyboardInterrupt has failed, and the run goes on. So has one that takes longer
-    than the study's time limit; where its code cannot be interrupted this process ends with exit code 1, and the
-    next run goes on with the next cell. A cell in which the process was ended from outside comes last when the study
-    is run again.
+    A cell that raises anything but KeyboardInterrupt has failed, and the run goes on. A cell that takes longer than the
+    study's time limit has failed, too. If its code cannot be interrupted, this process ends with exit code 1, and the
+    next run goes on with the next cell. A cell during which something else ended the process comes last in the next
+    run.
 
     Args:
-        use_cache: False computes cells and references anew.
-        rerun_failed: try again cells that failed in an earlier run.
-        fail_fast: raise what a cell raises, instead of keeping its traceback as the cell's result.
+        use_cache: False computes all cells and references again.
+        rerun_failed: try cells again that failed in an earlier run.
+        fail_fast: raise what a cell raises, instead of storing its traceback as the result of the cell.
 
     Raises:
-        InputError: no such device, a file cannot be read, or the folder cannot be written or holds what would be
-            lost; then nothing is written. CannotWrite: a full disk, say; the cells that are done are kept.
+        InputError: the device is missing, a file cannot be read, the folder cannot be written, or it holds files that
+            would be lost. Nothing is written then.
+        CannotWrite: a write failed, for example because the disk is full. Finished cells are kept.
     """
     if not study.has_device():
         raise InputError("the study wants device: cuda, but there is none here; say device: cpu")
@@ -78,7 +79,7 @@ def run_study(
         if fuller := results.begin(study.resolved(), entries, provenance(study.device, started, source)):
             progress.note(fuller)
         progress.begin(len(cells))
-        for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # what may end the process, last
+        for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # cells that ended the process come last
             rows[i] = executor.run(cells[i], known[i], rerun_failed)
             progress.cell(rows[i])
     finally:
@@ -94,15 +95,15 @@ def run_study(
 
 
 def _keys_of_own(cells: Sequence[Cell], executor: Executor, again: bool) -> dict[int, Identity]:
-    """By position the identities of the cells that no plug-in takes part in, for which nothing is made or written."""
+    """By position, the identities of the cells without plug-ins. To find them, nothing is made or written."""
     foreign = executor.keys.sources.any_foreign
     return {i: executor.keys.of(cell, again) for i, cell in enumerate(cells) if not foreign(cell)}
 
 
 def _read_files(cells: Iterable[Cell], lights: StudyLights) -> None:
-    """Read the files of cells, so that one which cannot be read is found before anything is written.
+    """Read the files of cells, so that a file that cannot be read is found before anything is written.
 
-    Plug-ins' own files are theirs.
+    The files of plug-ins are not read here.
     """
     items = {id(item): item for cell in cells for item in (cell.light, cell.material, cell.view)}
     for item in items.values():
@@ -115,7 +116,7 @@ def _read_files(cells: Iterable[Cell], lights: StudyLights) -> None:
 
 
 def _check_own_study(study: Study, results: Results) -> None:
-    """InputError where the results would take the place of the study's own file; that of a run may run again."""
+    """InputError if the results would replace the file of the study; a study.yaml that a run wrote may be run again."""
     path = results.folder / "study.yaml"
     if path.exists() and study.name == "study" and study.folder.resolve() == results.folder.resolve():
         if "study.yaml" not in results.disk.manifest.files or results.disk.is_altered("study.yaml"):
@@ -125,7 +126,7 @@ def _check_own_study(study: Study, results: Results) -> None:
 
 
 def kept_statuses(study: Study, folder: Path) -> list[str]:
-    """Of each cell of a study what a folder has of it: done, skipped, failed or damaged; new where it has nothing."""
+    """The status of each cell of a study in a folder: done, skipped, failed or damaged; new if it is not there."""
     results = Results(folder)
     if not any((folder / "cells").glob("*.json")):
         return ["new"] * len(study.cells())

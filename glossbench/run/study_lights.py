@@ -1,4 +1,4 @@
-"""The lights of a study that runs: one in memory at a time, each known by the key of what was read."""
+"""The lights of a running study: one in memory at a time, each identified by the key of the data that was read."""
 
 from pathlib import Path
 
@@ -17,22 +17,22 @@ from glossbench.study.cells import text_of
 
 
 class Changed(InputError):
-    """A file of an input is not what it was when the run began."""
+    """The file of an input has changed since the run began."""
 
 
 class StudyLights:
     """The study's lights, one in memory at a time.
 
     Args:
-        device: where they go.
-        marks: folder of the marks of plug-ins' lights while they are made.
+        device: device of the lights.
+        marks: folder of the marks that are kept while the light of a plug-in is made.
     """
 
     def __init__(self, device: str, marks: Path) -> None:
         self._device, self._marks = device, marks
         self._item: Light | None = None
         self._light: CubeMap | None = None
-        # By what the light is, as text.
+        # All by the text of the light (text_of).
         self._keys: dict[str, str] = {}
         self._notes: dict[str, tuple[str, ...]] = {}
         self._broken: dict[str, str] = {}
@@ -42,8 +42,8 @@ class StudyLights:
         """The radiance of a light.
 
         Raises:
-            Changed: its file is another one than at first.
-            MethodError: a plug-in's light that is none, or that failed before.
+            Changed: its file has changed since it was first read.
+            MethodError: a plug-in's light is not a valid light, or it failed before.
         """
         if self._light is None or self._item is not item:
             self._light = None
@@ -55,30 +55,30 @@ class StudyLights:
         return self._light
 
     def key(self, item: Light) -> str:
-        """What the light is, as text. Only a plug-in's light must be made for that; raises as `get` does."""
+        """The key of the light. Only the light of a plug-in must be made for this; raises as `get` does."""
         text = text_of(item)
         if text not in self._keys:
             self._keys[text] = self.get(item).key if is_foreign(type(item)) else item.key()
         return self._keys[text]
 
     def known_key(self, item: Light) -> str:
-        """The key where it is known; empty where the light cannot be made."""
+        """The key if it is known; "" if the light cannot be made."""
         return self._keys.get(text_of(item), "")
 
     def notes(self, item: Light) -> tuple[str, ...]:
-        """What was changed or assumed of a light that was made."""
+        """What was changed or assumed when the light was made."""
         return self._notes[text_of(item)]
 
     def is_intact(self) -> bool:
-        """Whether the light is what it was when it was made: arrays that share its memory can be written to unseen."""
+        """Whether the light is unchanged since it was made: a write through shared memory would not be noticed."""
         return self._light is None or digest_of(self._light) == self._digest
 
     def forget(self) -> None:
-        """Make the light anew when it is asked for again."""
+        """Drop the light, so that it is made again when it is needed."""
         self._light = None
 
     def _made(self, item: Light) -> CubeMap:
-        made = copy_of(item)  # a copy: it keeps what it decodes of a file
+        made = copy_of(item)  # a copy, because it keeps what it decodes from a file
         light = made.cubemap()
         if not isinstance(light, CubeMap) or light.faces.dtype != torch.float32:
             raise MethodError(f"light {item.name}: cubemap must return a CubeMap of float32, got {light!r:.60}")
@@ -87,7 +87,7 @@ class StudyLights:
         return light.to(self._device)
 
     def _of_plugin(self, item: Light) -> CubeMap:
-        """As `_made`, but what fails is not tried again, and what ends the process not more than twice."""
+        """As `_made`, but a light that fails is not tried again, and one that ends the process at most twice."""
         text = text_of(item)
         if text in self._broken:
             raise MethodError(self._broken[text])

@@ -1,4 +1,4 @@
-"""Tuning: the value of one option that makes a metric least, as the papers tune their MIP bias."""
+"""Tuning: find the value of one option at which a metric is lowest, as the papers tune their MIP bias."""
 
 import math
 from collections.abc import Callable
@@ -10,9 +10,9 @@ from glossbench.study.cells import Tune
 
 
 def tune_option(tune: Tune, error: Callable[[float], float]) -> float:
-    """The value of an option in [low, high] that makes the size of a metric least, to 1/400 of the range.
+    """The value of an option in [low, high] at which |metric| is lowest, to 1/400 of the range.
 
-    Nine values over the range find the valley, Brent's bounded search its floor.
+    Nine values over the range bracket the minimum, and Brent's bounded search finds it.
     """
     grid = np.linspace(tune.low, tune.high, 9)
     errors = [abs(error(float(x))) for x in grid]
@@ -23,6 +23,6 @@ def tune_option(tune: Tune, error: Callable[[float], float]) -> float:
         lambda x: abs(error(float(x))), bounds=(grid[max(best - 1, 0)], grid[min(best + 1, 8)]),
         method="bounded", options={"xatol": (tune.high - tune.low) / 400},
     )  # fmt: skip
-    # The search never looks at the ends of its interval, which may be those of the range.
+    # The search never tries the ends of its interval, which may be the ends of the range.
     x = float(found.x if found.fun < errors[best] else grid[best])
     return min(max(round(x, 4 - math.floor(math.log10(tune.high - tune.low))), tune.low), tune.high)

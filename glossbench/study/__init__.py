@@ -1,4 +1,4 @@
 """Studies: YAML -> a checked study of cells.
 
-It imports metrics, shading and the rooms below. A study knows nothing of how it is run.
+The room imports metrics, shading and the rooms below. A study does not know how it is run.
 """

@@ -1,4 +1,4 @@
-"""Which of many cells fit what an exclusion or a claim asks for: decided for each item and value, not for each cell."""
+"""Which cells fit an exclusion or a claim: decided once for each item and value, not for each cell."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,8 +21,8 @@ class CellIndex:
     """Cells as positions in lists of lights, materials, views and methods.
 
     Args:
-        items: of each kind the names and options that cells are made of.
-        codes: of each kind the position of each cell's item.
+        items: by kind, the names and options of the items.
+        codes: by kind, for each cell the position of its item.
     """
 
     def __init__(self, items: Mapping[str, Sequence[Named]], codes: Mapping[str, NDArray[np.intp]]) -> None:
@@ -32,14 +32,17 @@ class CellIndex:
 
     @classmethod
     def product(cls, items: Mapping[str, Sequence[Named]]) -> Self:
-        """Every light x material x view x method, in this order, the last varying fastest."""
+        """All combinations light x material x view x method; the method varies fastest."""
         counts = [len(items[kind]) for kind in KINDS]
         codes = np.unravel_index(np.arange(np.prod(counts, dtype=int)), counts)
         return cls(items, dict(zip(KINDS, codes, strict=True)))
 
     @classmethod
     def of_rows(cls, rows: Iterable[Mapping[str, Any]]) -> Self:
-        """Rows of results: names, with options as `light_options` and so on, those of the method as `options`."""
+        """Cells from rows of results.
+
+        A row has the names of its items and their options: `light_options` and so on, and `options` for the method.
+        """
         items: dict[str, list[Named]] = {kind: [] for kind in KINDS}
         codes: dict[str, list[int]] = {kind: [] for kind in KINDS}
         known: dict[tuple[str, str, str], int] = {}
@@ -53,7 +56,7 @@ class CellIndex:
         return cls(items, {kind: np.array(of_kind, np.intp) for kind, of_kind in codes.items()})
 
     def is_called(self, kind: str, wanted: Any) -> Mask:
-        """Cells whose item answers to a name, to {name: {option: value}}, or to one of a list of these."""
+        """Cells whose item fits a name, {name: {option: value}}, or any one in a list of these."""
         columns, fits = self._columns[kind], np.zeros(0, bool)
         for one in wanted if isinstance(wanted, list) else [wanted]:
             name, stated = next(iter(one.items())) if isinstance(one, dict) else (one, {})
@@ -64,9 +67,9 @@ class CellIndex:
         return fits[self.codes[kind]] if fits.size else ~self._all
 
     def excluded(self, entry: Mapping[str, Any]) -> Mask:
-        """Cells that have all that an entry of `exclude` asks for.
+        """Cells that have all values of an entry of `exclude`.
 
-        An option is the method's, else the material's, the view's or the light's.
+        An option is looked for in the method, then in the material, the view and the light.
         """
         fits = self._all
         for key, wanted in entry.items():
@@ -83,9 +86,10 @@ class CellIndex:
         return fits
 
     def within(self, where: Mapping[str, Any], of_methods: Iterable[str]) -> Mask:
-        """Cells that are what `where` asks for; what only the other method has does not restrict them.
+        """Cells that fit `where`. An option that only the other method has does not restrict a cell.
 
-        An option is of a method, else of the material; "light.seed", "material.alpha" or "view.resolution" of that.
+        A short name means an option of a method, else of the material; a full name, such as "light.seed",
+        "material.alpha" or "view.resolution", means the option of that light, material or view.
 
         Args:
             of_methods: the options of all methods that the claim is about.
@@ -107,11 +111,12 @@ class CellIndex:
     def alike(
         self, kinds: Sequence[str], options: Sequence[str], budgets: Mapping[str, str] | None = None
     ) -> NDArray[np.intp]:
-        """A number for each cell, equal where cells have the same items of some kinds and options of their methods.
+        """A number for each cell. Cells with the same items of some kinds and equal options have the same number.
 
         Args:
-            options: of the method; BUDGET is the budget of each method, "material.alpha" a parameter of the material.
-            budgets: by method the option that is its budget.
+            options: of the method; BUDGET stands for the budget of each method, "material.alpha" for a parameter of
+                the material.
+            budgets: by method, the option that is its budget.
         """
         number = np.zeros(len(self._all), np.intp)
         columns = [(self.codes[kind], self._columns[kind].n) for kind in kinds]
@@ -125,7 +130,7 @@ class CellIndex:
         return number
 
     def values(self, key: str, cells: Mask) -> list[Any]:
-        """The values of an option, or the names of a kind, that some cells have, in their order, each once."""
+        """The values of an option, or the names of a kind, in the given cells: in their order, each once."""
         if key in KINDS:
             return self._columns[key].names(np.unique(self.codes[key][cells]))
         found: list[Any] = []
@@ -138,7 +143,7 @@ class CellIndex:
 
 
 class _Columns:
-    """The items of one kind, each option a column; a column is made when it is asked for."""
+    """The items of one kind, with one column per option; a column is made at its first use."""
 
     def __init__(self, items: Sequence[Named]) -> None:
         self._items, self.n = items, len(items)
@@ -158,7 +163,7 @@ class _Columns:
 
     def agreeing(self, option: str, wanted: Any) -> Mask:
         column = self.column(option)
-        agrees_with = np.zeros(len(column.distinct) + 1, bool)  # the last is that of items without the option
+        agrees_with = np.zeros(len(column.distinct) + 1, bool)  # the last entry is for items without the option
         agrees_with[column.agreeing(wanted)] = True
         return agrees_with[column.codes]
 
@@ -179,7 +184,10 @@ class _Columns:
 
 
 class _Column:
-    """The distinct values of an option, which a scalar finds without a look at each; an item without it has code -1."""
+    """The distinct values of an option, and for each item the position of its value, or -1 if it has none.
+
+    A scalar is found by a dictionary, not by a comparison with each value.
+    """
 
     def __init__(self, values: list[Any]) -> None:
         self.distinct: list[Any] = []
@@ -210,7 +218,10 @@ class _Column:
 
 
 def _scalar(value: Any) -> tuple[bool, Any] | None:
-    """A scalar, or the one that all components of a list equal; whether it is a Boolean beside it, for 1 == True."""
+    """(is it a Boolean, the value) of a scalar, or of a list whose components are all equal; else None.
+
+    The Boolean flag distinguishes True from 1, which compare equal.
+    """
     if isinstance(value, list):
         parts = {_scalar(part) for part in value}
         return next(iter(parts)) if len(parts) == 1 else None

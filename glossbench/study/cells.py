@@ -1,4 +1,4 @@
-"""What a study compares: lights, materials, views and methods, each its own options, and the cells that they make."""
+"""What a study compares: lights, materials, views and methods with their options, and the cells that they make."""
 
 import json
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,7 @@ from glossbench.shading.method import Method, budget_of
 
 @dataclass(frozen=True)
 class Tune:
-    """One option of a method, to be set where a metric is lowest within [low, high]."""
+    """One option of a method, to be set to the value in [low, high] at which a metric is lowest."""
 
     option: str
     metric: str
@@ -24,10 +24,10 @@ class Tune:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A method of a study, one option of which may be tuned: that has its default in `method`, or the lowest value.
+    """A method of a study, with at most one option to tune. In `method` that option has its default, or its low bound.
 
     Attributes:
-        follows_seed: its option `seed` is not stated, and so is the study's.
+        follows_seed: the study does not state the option `seed` of this method, so that it is the study's seed.
     """
 
     method: Method
@@ -36,18 +36,18 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """Of the method."""
+        """The name of the method."""
         return self.method.name
 
     def as_dict(self) -> dict[str, Any]:
-        """The options as a study states them, a tuned one as {tune: metric, range: [low, high]}."""
+        """The options as a study states them; a tuned option is {tune: metric, range: [low, high]}."""
         options = self.method.as_dict()
         if self.tune is None:
             return options
         return {**options, self.tune.option: {"tune": self.tune.metric, "range": [self.tune.low, self.tune.high]}}
 
     def with_seed(self, seed: int) -> "Candidate":
-        """The method under another seed of its study."""
+        """The candidate for another seed of its study."""
         if not self.follows_seed:
             return self
         return replace(self, method=type(self.method).create({**self.method.as_dict(), "seed": seed}))
@@ -69,7 +69,7 @@ class Cell:
 
     @property
     def tune(self) -> Tune | None:
-        """The option of the method that is tuned first, if one is."""
+        """The option of the method that is tuned before the cell is measured, or None."""
         return self.candidate.tune
 
     def record(self, **known: Any) -> CellRecord:
@@ -90,5 +90,5 @@ class Cell:
 
 
 def text_of(item: Options | Candidate) -> str:
-    """What an item is, as text: equal for equal items, whatever the order of keys."""
+    """An item as text: equal for equal items, whatever the order of keys."""
     return f"{item.name} {json.dumps(item.as_dict(), sort_keys=True)}"

@@ -1,4 +1,4 @@
-"""What a study says of its cells: exclusions and claims, each of which must be about some."""
+"""Check exclusions and claims: each must be about at least one cell of the study."""
 
 import json
 from collections.abc import Collection
@@ -27,13 +27,13 @@ from glossbench.study.claims import (
 )
 from glossbench.study.document import Document, KeyPath, path_text
 
-MAX_VALUES = 8  # that a message lists
+MAX_VALUES = 8  # a message lists at most so many
 LARGER = ("higher", "greater", "larger", "more", "above", "worse")
 OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by", "margin")
 
 
 class Combined(Protocol):
-    """What exclusions and claims are checked against: the items of a study, and all combinations of them."""
+    """The part of a study that exclusions and claims are checked against: its items and all their combinations."""
 
     @property
     def lights(self) -> tuple[Light, ...]: ...
@@ -57,7 +57,7 @@ def checked_exclude(document: Document, study: Combined, any_light: bool) -> tup
     """The exclusions that leave out a cell; InputError for one that does not, or that has an unknown key.
 
     Args:
-        any_light: the lights are not the study's own, so that what was said about those may fit nothing.
+        any_light: the lights are not those of the study's file, so that an exclusion of those may fit no cell.
     """
     index = study.index
     excluded = np.zeros(len(index.codes["method"]), bool)
@@ -89,7 +89,7 @@ def checked_exclude(document: Document, study: Combined, any_light: bool) -> tup
 
 
 def checked_claims(document: Document, study: Combined, any_light: bool) -> tuple[Claim, ...]:
-    """The claims; InputError for one that is wrong, or that no cell of one of its sides is about."""
+    """The claims; InputError for one that is wrong, or for which one side has no cell."""
     methods: dict[str, set[str]] = {}
     for item in study.methods:
         methods.setdefault(item.name, set()).update(item.as_dict())
@@ -117,7 +117,7 @@ def checked_claims(document: Document, study: Combined, any_light: bool) -> tupl
 
 
 def _instead_of(entry: Any) -> str:
-    """What to write instead of a claim of a kind that there is not."""
+    """What to write instead of an unknown kind of claim."""
     keys = list(entry) if isinstance(entry, dict) else []
     if larger := next((key for key in keys if key in LARGER), None):
         return f"; in place of {larger!r} write lower, with the two sides exchanged"
@@ -131,7 +131,7 @@ def _instead_of(entry: Any) -> str:
 
 
 def _check_where(document: Document, study: Combined, claims: list[Claim], any_light: bool) -> None:
-    """InputError for a claim that no cell of one of its sides is about."""
+    """InputError for a claim for which one side has no cell."""
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
@@ -160,7 +160,7 @@ def places_in(study: Combined) -> dict[str, Any]:
 
 
 def _names(study: Combined, any_light: bool) -> dict[str, set[str]]:
-    """What the study's lights, materials and views answer to; any light may answer to anything."""
+    """All names that fit the study's lights, materials and views; without those of lights if any light is allowed."""
     return {
         place: {name for item in items for name in called(item.name, item.as_dict())}
         for place, items in places_in(study).items()
@@ -169,7 +169,7 @@ def _names(study: Combined, any_light: bool) -> dict[str, set[str]]:
 
 
 def _held(index: CellIndex, cells: Mask, keys: Collection[str]) -> str:
-    """The values that cells have of some options, or of their light, material or view: "; they have samples 4, 8"."""
+    """The values of some options, or of light, material or view, in the given cells: "; they have samples 4, 8"."""
     told = []
     for key in keys:
         values = [json.dumps(value) for value in index.values(key, cells)]

@@ -1,4 +1,4 @@
-"""How many cells of a study, or pairs of them, each of its claims is about: what can be said before it runs."""
+"""How many cells, or pairs of cells, each claim of a study is about: known before the study runs."""
 
 import json
 from typing import TYPE_CHECKING, NamedTuple
@@ -31,7 +31,13 @@ if TYPE_CHECKING:
 
 
 class Count(NamedTuple):
-    """How much a claim is about: a number of `what`, and in words why that is too little for a verdict, if it is."""
+    """How many cells or pairs a claim is about.
+
+    Attributes:
+        n: their number.
+        what: "cell" or "pair".
+        problem: why these are too few for a verdict; empty if they are enough.
+    """
 
     n: int
     what: str
@@ -39,7 +45,7 @@ class Count(NamedTuple):
 
 
 def counts(study: "Study") -> list[Count]:
-    """The count of each claim, in their order."""
+    """The count of each claim, in the order of the claims."""
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
@@ -83,7 +89,7 @@ def _count(
 
 
 def _twins(study: "Study") -> NDArray[np.intp]:
-    """A number for each cell, equal where cells differ in the seed of their random points alone."""
+    """A number for each cell. Cells that differ only in the seed of their random points have the same number."""
     known: dict[str, int] = {}
     methods = []
     for item in study.methods:

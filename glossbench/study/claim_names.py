@@ -1,4 +1,4 @@
-"""Names in claims and exclusions: which of them a study does not have, and what a short name means."""
+"""Names in claims and exclusions: find those that a study does not have, and what a short name means."""
 
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -26,10 +26,10 @@ def unknown_name(
 
     Args:
         methods: the study's methods with the names of their options.
-        places: the names that light, material and view each answer to; what is left out is not checked.
+        places: by "light", "material" and "view", the names that fit; a key that is missing here is not checked.
         parameters: the options of the study's lights, materials and views, by "light", "material" and "view".
         metrics: the study's metrics.
-        costs: columns of costs that the study's cells have.
+        costs: the columns of costs of the study's cells.
     """
     sides = sides_of(claim)
     for path, side in sides.items():
@@ -80,9 +80,9 @@ def unknown_name(
 
 
 def meanings(name: str, options: Mapping[str, Collection[str]]) -> list[tuple[str, str]]:
-    """What an option's name may mean, as (of, option): `of` is "method", "light", "material" or "view".
+    """All meanings of an option's name, as (of, option), where `of` is "method", "light", "material" or "view".
 
-    A full name, "material.alpha", means one thing; a short one, "alpha", an option of each that has it.
+    A full name, "material.alpha", has one meaning; a short name, "alpha", has one for each kind with this option.
     """
     of, _, rest = name.partition(".")
     if rest and rest in options.get(of, ()):
@@ -91,7 +91,7 @@ def meanings(name: str, options: Mapping[str, Collection[str]]) -> list[tuple[st
 
 
 def unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
-    """The message for the first light, material or view that a study does not have, or that is not stated as one."""
+    """The message for the first light, material or view that is unknown or not written as one; None if all are fine."""
     for one in (value if isinstance(value, list) else [value]) if place in places else []:
         name, options = next(iter(one.items())) if isinstance(one, dict) and len(one) == 1 else (one, {})
         if not isinstance(name, str) or not isinstance(options, dict):

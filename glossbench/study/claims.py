@@ -1,4 +1,4 @@
-"""Claims: a paper's sentences as data."""
+"""Claims: the sentences of a paper as data."""
 
 from collections.abc import Collection, Mapping
 from pathlib import PurePath
@@ -48,8 +48,8 @@ def _pair(bounds: Any) -> Any:
 
 Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_ordered), BeforeValidator(_pair)]
 Name = Annotated[str, Field(min_length=1)]
-# A method; or {method: {option: value, ...}} for those of its cells that have these values, and beside the method a
-# light, material or view, stated as in `where`, for those that are of it.
+# A method, or {method: {option: value, ...}} for those of its cells that have these values. The same mapping may also
+# state a light, material or view, as in `where`: then only cells with that one are meant.
 Side = Annotated[str | dict[Name, Any], BeforeValidator(_one_method)]
 Names = Annotated[list[Name], BeforeValidator(_listed, json_schema_input_type=Name | list[Name])]
 
@@ -59,8 +59,8 @@ class _Claim(BaseModel):
 
     Attributes:
         text: the sentence, as the report prints it.
-        where: light, material, view or an option's name -> the value, or the values, that cells must have; a light,
-            material or view by its name, or as {name: {option: value}}.
+        where: light, material, view or the name of an option -> the value, or list of values, that cells must have. A
+            light, material or view is stated by its name, or as {name: {option: value}}.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -72,16 +72,17 @@ class _Claim(BaseModel):
 class LowerClaim(_Claim):
     """|metric| of one side is below that of another, for every light, material, view and pairing option.
 
-    Within the margin the two are equal: a difference so small matters to nobody, though it may be real.
+    Within the margin the two are equal: so small a difference does not matter, even if it is real.
 
-    A light, material or view that a side states does not pair: so two of them are compared with each other.
+    Normally both sides are compared under the same light, material and view. If a side states one of these, that one
+    may differ between the sides.
 
     Attributes:
         lower: the side whose metric is below: a method, or {method: {option: value}}.
         than: the other side.
         metric: the error that is compared.
-        paired_by: options at equal values of which cells are compared; by default those of `where`, and samples.
-        margin: of the ratio of the two about 1, in [0, 1).
+        paired_by: cells are compared at equal values of these options; by default those of `where`, and the budget.
+        margin: half-width of the interval around the ratio 1 in which the sides are equal, in [0, 1).
     """
 
     kind: ClassVar[str] = "lower"
@@ -95,13 +96,14 @@ class LowerClaim(_Claim):
 class SlopeClaim(_Claim):
     """The least-squares slope of log |metric or cost| over log option lies within bounds, for every curve.
 
-    The option is of the method, or a parameter of the light, material or view: "alpha", or in full "material.alpha".
+    The option belongs to the method, or is a parameter of the light, material or view: "alpha", or in full
+    "material.alpha".
 
     Attributes:
         slope: a method, or {method: {option: value}}.
-        over: the option along the curve, or a parameter; three values of it at least.
+        over: the option or parameter along the curve; it needs at least three values.
         metric: an error or a cost.
-        between: [low, high] of the slope, null for what has no bound.
+        between: [low, high] of the slope; null means no bound.
     """
 
     kind: ClassVar[str] = "slope"
@@ -112,13 +114,13 @@ class SlopeClaim(_Claim):
 
 
 class RatioClaim(_Claim):
-    """A column of one side over that of another lies within bounds; pairs as in LowerClaim.
+    """A column of one side, divided by that of another, lies within bounds; pairs as in LowerClaim.
 
     Attributes:
-        ratio: [side, side], the first over the second: a method each, or {method: {option: value}}.
+        ratio: [side, side], the first divided by the second; each is a method, or {method: {option: value}}.
         of: an error or a cost.
-        between: [low, high] of the ratio, null for what has no bound.
-        paired_by: options at equal values of which cells are compared; by default those of `where`, and samples.
+        between: [low, high] of the ratio; null means no bound.
+        paired_by: cells are compared at equal values of these options; by default those of `where`, and the budget.
     """
 
     kind: ClassVar[str] = "ratio"
@@ -134,8 +136,8 @@ class ValueClaim(_Claim):
     Attributes:
         value: a method, or {method: {option: value}}.
         of: an error or a cost.
-        between: [low, high], null for what has no bound.
-        equals: the number, to 9 digits.
+        between: [low, high]; null means no bound.
+        equals: the number, compared to 9 digits.
     """
 
     kind: ClassVar[str] = "value"
@@ -161,7 +163,7 @@ def stated_claims(study: Mapping[str, Any]) -> list[Claim]:
 
 
 def sides_of(claim: Claim) -> dict[tuple[str | int, ...], Side]:
-    """The sides that a claim compares, or its one method, by the path of the key that states them."""
+    """The one or two sides of a claim, by the path of the key that states each."""
     match claim:
         case LowerClaim():
             return {("lower",): claim.lower, ("than",): claim.than}
@@ -179,12 +181,12 @@ def method_of(side: Side) -> str:
 
 
 def options_of(side: Side) -> dict[str, Any]:
-    """The values of options that a side asks for."""
+    """The options, with their values, that a side asks for."""
     return {} if isinstance(side, str) else side[method_of(side)]
 
 
 def places_of(side: Side) -> dict[str, Any]:
-    """The light, material and view that a side asks for, as far as it does."""
+    """The light, material and view that a side states; only those that it states."""
     return {} if isinstance(side, str) else {key: value for key, value in side.items() if key in CONDITIONS}
 
 
@@ -193,18 +195,18 @@ def methods_of(claim: Claim) -> set[str]:
     return {method_of(side) for side in sides_of(claim).values()}
 
 
-SEED = "seed"  # the option of all methods that seeds their random points
-BUDGET = ""  # stands among the names of pairing options for the budget of either side, where their names differ
+SEED = "seed"  # the option that seeds random points, in all methods
+BUDGET = ""  # a pairing option that stands for the budget of each side, where the two budgets have different names
 
 
 def pairing(
     claim: LowerClaim | RatioClaim, shared: Collection[str], budgets: Collection[str]
 ) -> tuple[list[str], list[str]]:
-    """The options and the kinds of place in which cells of both sides must be equal to be compared.
+    """The options, and which of light, material and view, that must be equal in two cells to compare them.
 
     Args:
         shared: the options that both methods have.
-        budgets: the options that are the budgets of both methods, each once; "" of a method that has none.
+        budgets: the options that are the budgets of both methods, each once; "" for a method without a budget.
     """
     apart = {key for side in sides_of(claim).values() for key in options_of(side)}
     own = [*budgets] if len(budgets) == 1 else [BUDGET]
@@ -217,7 +219,7 @@ def pairing(
 
 
 def agrees(wanted: Any, actual: Any) -> bool:
-    """Whether an option has the value wanted: equal, one of a list, or a scalar that all components equal.
+    """Whether a value fits the wanted one: they are equal, or it is in the wanted list, or all its components fit.
 
     {tune: metric} agrees with every option that was tuned by this metric, whatever the range.
     """
@@ -234,6 +236,6 @@ def agrees(wanted: Any, actual: Any) -> bool:
 
 
 def called(name: str, options: Mapping[str, Any]) -> set[str]:
-    """What a light, material or view answers to in `where` and `exclude`: its name; an image's file, too."""
+    """The names of a light, material or view in `where` and `exclude`: its name, and for an image also its file."""
     file = options.get("file") if name == "file" else None
     return {name, file, PurePath(file).name} if isinstance(file, str) else {name}

@@ -1,4 +1,4 @@
-"""What a study says, in words: its sweeps, its materials, its claims, as `glossbench validate` prints them."""
+"""A study in words: its sweeps, materials and claims, as `glossbench validate` prints them."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -26,14 +26,14 @@ def counted(n: int, what: str) -> str:
 
 
 def in_one_line(study: "Study") -> str:
-    """A study by its title, and how many of everything it has."""
+    """The title of a study, and its numbers of lights, materials, views, cells and claims."""
     numbers = [counted(np.unique(study.index.codes[kind][study.kept]).size, kind) for kind in CONDITIONS]
     numbers += [counted(int(study.kept.sum()), "cell"), counted(len(study.claims), "claim")]
     return f"{study.title}: {', '.join(numbers)}"
 
 
 def described(study: "Study", forms: dict[str, list["Form"]]) -> dict[str, str]:
-    """What a study says, by the word for it; lines where it is several."""
+    """The contents of a study as text, by heading; several entries are several lines."""
     lines: dict[str, list[str]] = {kind: [entry_in_words(form) for form in own] for kind, own in forms.items()}
     n_all, n_kept = len(study.kept), int(study.kept.sum())
     lines["metrics"] = [", ".join(study.metric_columns)]
@@ -73,7 +73,7 @@ def _axis_in_words(form: "Form", axis: "Axis") -> str:
 
 
 def _widths_in_words(values: Sequence[Any]) -> str:
-    """Pairs along t and b: equal ones are an isotropic material, others one anisotropic material each."""
+    """Pairs of widths along t and b: two equal widths are an isotropic material, others an anisotropic one."""
     kinds = ["isotropic" if a == b else "anisotropic" for a, b in values]
     if kinds == ["anisotropic"]:
         return f"{as_text([*values[0]])} (one anisotropic material)"

@@ -1,4 +1,4 @@
-"""YAML with positions: plain data, and where in its file each key and each value stands."""
+"""YAML with positions: plain data, and the place of each key and value in its file."""
 
 import re
 from collections.abc import Callable, Collection
@@ -15,20 +15,20 @@ from glossbench.study.yaml_hints import hint
 
 KeyPath = tuple[str | int, ...]
 MAX_BYTES = 1_000_000
-MAX_NODES = 100_000  # aliases count once for each use, so that a few lines cannot stand for gigabytes
+MAX_NODES = 100_000  # an alias counts at each use, so that a few lines cannot expand to gigabytes
 MAX_DEPTH = 64
 MAX_MESSAGE = 500
 
 
 @dataclass(frozen=True)
 class Document:
-    """What a YAML file says, and where.
+    """The contents of a YAML file, with their positions.
 
     Attributes:
-        file: its name in messages.
-        data: the mapping at its top, as plain dictionaries, lists and scalars.
-        values: (line, column), from 1, of the value at a path of keys and indices.
-        keys: the same of the key that ends a path.
+        file: the name of the file in messages.
+        data: the mapping at the top, as plain dictionaries, lists and scalars.
+        values: (line, column) of the value at a path of keys and indices; both count from 1.
+        keys: the same for the key that ends a path.
     """
 
     file: str
@@ -37,14 +37,14 @@ class Document:
     keys: dict[KeyPath, tuple[int, int]] = field(default_factory=dict)
 
     def error(self, path: KeyPath, text: str, at_key: bool = False) -> InputError:
-        """InputError `FILE:LINE:COLUMN: text`, at a value or its key, or the nearest parent in the file."""
+        """InputError `FILE:LINE:COLUMN: text` at a value, at its key, or at the nearest parent that is in the file."""
         marks = self.keys if at_key and path in self.keys else self.values
         while path and path not in marks:
             path = path[:-1]
         return _error(self.file, *marks.get(path, (1, 1)), text)
 
     def validate(self, model: type[BaseModel], path: KeyPath = ()) -> Any:
-        """The model of the mapping at a path; InputError for the first thing wrong in it."""
+        """The model of the mapping at a path; InputError for its first error."""
         value: Any = self.data
         for part in path:
             value = value[part]
@@ -55,7 +55,7 @@ class Document:
         except ValidationError as error:
             wrong = error.errors()
         unknown = [e for e in wrong if e["type"] == "extra_forbidden"]
-        if unknown:  # a misspelt key leaves two errors, an unknown one and a missing one; the first tells more
+        if unknown:  # a misspelt key gives two errors, an unknown key and a missing one; the first is more useful
             within = [e["loc"][-1] for e in unknown if e["loc"][:-1] == unknown[0]["loc"][:-1]]
             known = _fields(model, unknown[0]["loc"][:-1])
             raise self.unknown((*path, *unknown[0]["loc"][:-1]), "key", list(map(str, within)), known)
@@ -68,7 +68,7 @@ class Document:
         raise self.error(at, f"{path_text(at)} {rule}{instead(rule, first['input'])}")
 
     def unknown(self, path: KeyPath, what: str, names: list[str], known: Collection[str]) -> InputError:
-        """InputError for the names in the mapping at a path that are none of those known, all in one line."""
+        """InputError for the unknown names in the mapping at a path, all in one line."""
         parent = f"{path_text(path)}: " if path else ""
         told = [f"unknown {what} {names[0]!r}{_nearest(names[0], known)}"]
         for name in names[1:]:
@@ -78,7 +78,7 @@ class Document:
 
     @staticmethod
     def _real(loc: tuple[int | str, ...], value: Any) -> KeyPath:
-        """A location without what is no key of the data: pydantic adds which of several types it tried."""
+        """A location without the parts that are not keys of the data: pydantic adds names of types that it tried."""
         found: list[int | str] = []
         for part in loc:
             if isinstance(value, dict) and part in value:
@@ -91,21 +91,21 @@ class Document:
 
 
 def path_text(path: KeyPath) -> str:
-    """A path as a reader writes it: methods[0].regular_sampling.samples."""
+    """A path as text: methods[0].regular_sampling.samples."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix(".")
 
 
 def read_document(path: Path) -> Document:
     """The YAML file at a path; its top must be a mapping.
 
-    Scalars follow the core schema of YAML 1.2: 1e-3 is a number, yes and 12:30 are text. Keys are unique.
+    Scalars follow the core schema of YAML 1.2: 1e-3 is a number, yes and 12:30 are text. Keys must be unique.
 
     Raises:
-        InputError: unreadable, not YAML, or larger than MAX_BYTES, MAX_NODES, MAX_DEPTH.
+        InputError: the file cannot be read, is not YAML, or exceeds MAX_BYTES, MAX_NODES or MAX_DEPTH.
     """
     file = str(path)
     try:
-        if path.exists() and not path.is_file() and not path.is_dir():  # a pipe may never give a byte
+        if path.exists() and not path.is_file() and not path.is_dir():  # a read from a pipe may wait forever
             raise InputError(f"cannot read the study {file!r}: it is a device or pipe")
         with path.open("rb") as stream:
             content = stream.read(MAX_BYTES + 1)
@@ -162,7 +162,7 @@ def _compose(file: str, text: str) -> Any:
         if mark.index < len(text) and text[mark.index] == "\t":
             indents = not lines[mark.line][: mark.column].strip()
             problem = "a tab cannot indent; use spaces" if indents else "a tab cannot stand here; use a space"
-        elif problem.startswith("could not find expected ':'"):  # which is seen only on a later line
+        elif problem.startswith("could not find expected ':'"):  # the parser notices this only on a later line
             mark = error.context_mark or mark
         raise _error(file, *_place(mark), problem + hint(problem, lines, mark.line, mark.column)) from None
     except yaml.reader.ReaderError as error:
@@ -174,7 +174,7 @@ def _compose(file: str, text: str) -> Any:
 
 
 class _Builder:
-    """Turns composed nodes into plain data, and notes their positions in a document."""
+    """Turns composed nodes into plain data, and records their positions in a document."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -221,7 +221,7 @@ class _Builder:
         tag = node.tag.removeprefix("tag:yaml.org,2002:")
         place = _place(node.start_mark)
         surrogate = next((c for c in node.value if "\ud800" <= c <= "\udfff"), None)
-        if surrogate:  # of an escape: no file, terminal or page could show it
+        if surrogate:  # from an escape; no file, terminal or page could show it
             raise _error(self._document.file, *place, f"U+{ord(surrogate):04X} is half a character")
         if tag not in _SCALARS:
             raise _error(self._document.file, *place, f"tag {node.tag!r} is not allowed")
@@ -234,7 +234,7 @@ class _Builder:
 
 
 def _fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
-    """The keys of the model that is nested in another one at a location."""
+    """The keys of the model that is nested in another model at a location."""
     for part in loc:
         if isinstance(part, str) and part in model.model_fields:
             annotation = model.model_fields[part].annotation
@@ -243,7 +243,7 @@ def _fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
 
 
 def _nearest(name: str, known: Collection[str]) -> str:
-    """The hint for an unknown name; a colon without a space makes a name of a key and its value."""
+    """The hint for an unknown name. A key and value with no space after the colon are read as one name."""
     key, colon, value = name.partition(":")
     if colon and key in known:
         return f"; a colon needs a space after it: {key}: {value}"

@@ -1,4 +1,4 @@
-"""Sweeps: an item of a study with its lists, zip and tune -> the variants that it stands for."""
+"""Sweeps: expand an item of a study, with its lists, zip and tune, to its variants."""
 
 import json
 import math
@@ -24,7 +24,7 @@ from glossbench.study.document import Document, KeyPath, path_text
 from glossbench.study.registries import REGISTRIES
 from glossbench.study.schema import ENDINGS, TuneKeys
 
-# Of each kind that may be a file's bare name: what a word means.
+# For each kind that may be stated by the bare name of a file: how to read a word.
 WORDS = {"light": file_or_name, "material": material_or_file, "view": view_or_file}
 
 
@@ -39,9 +39,9 @@ class Form:
     """An item as the file states it: a class, the axes of its sweeps, a tuned option.
 
     Args:
-        folder: of the study; files that it names may lie there.
-        seed: of the study; an option `seed` of a method that states none takes it.
-        metrics: of the study, by column; one of them, or another, tunes a method.
+        folder: the folder of the study; files that the item names may lie there.
+        seed: the seed of the study, for a method that has an option `seed` and does not state it.
+        metrics: the metrics of the study, by column; a method may be tuned by one of them, or by any other metric.
     """
 
     def __init__(
@@ -90,19 +90,19 @@ class Form:
         return math.prod(len(axis.values) for axis in self.axes)
 
     def variants(self) -> Iterator[Any]:
-        """The items that the form stands for, the last axis varying fastest."""
+        """The items that the form stands for; the last axis varies fastest."""
         for values in product(*(axis.values for axis in self.axes)):
             options = dict(self._start)
             for axis, of_axis in zip(self.axes, values, strict=True):
                 options |= dict(zip(axis.options, of_axis, strict=True))
             try:
                 made = self.cls.create(options)
-                json.dumps(made.as_dict())  # what a plug-in's own may not be
+                json.dumps(made.as_dict())  # a plug-in's own as_dict may return data that JSON cannot hold
             except ValueError as error:
                 text = str(error).removeprefix(self.cls.name)
                 text = f": {text}" if text == str(error) else text
                 raise self._document.error(self.path, f"{path_text(self.path)}{text}") from error
-            except (Exception, SystemExit) as error:  # of a plug-in's constructor
+            except (Exception, SystemExit) as error:  # raised by a plug-in's constructor
                 place = f" ({found})" if (found := place_of(error)) else ""
                 text = f"{path_text(self.path)} cannot be made: {one_line(error)}{place}"
                 raise self._document.error(self.path, text) from error
@@ -112,7 +112,7 @@ class Form:
         """Read all files that the items name.
 
         Raises:
-            InputError: at what names a file that cannot be read, or does not hold what it should.
+            InputError: a file cannot be read, or its contents are wrong; the position is that of the file's name.
         """
         for item in self.variants():
             made = item.method if isinstance(item, Candidate) else item
@@ -125,14 +125,14 @@ class Form:
                     raise self._document.error(path, f"{path_text(path)}: {error}") from error
 
     def _place(self, option: str, file: str) -> KeyPath:
-        """Where the study names a file."""
+        """The path of the value that names a file."""
         given = self._stated.get(option)
         listed = given if isinstance(given, list) else []
         at = [i for i, each in enumerate(listed) if isinstance(each, str) and file.endswith(each)]
         return (*self.path, option, *at[:1])
 
     def _named(self, path: KeyPath, value: Any) -> tuple[str, Any, KeyPath, KeyPath]:
-        """Name, options, the path of the options, and the path of the name."""
+        """(name, options, path of the options, path of the name)."""
         if isinstance(value, str):
             name, options = WORDS[self._kind](value) if self._kind in WORDS else (value, {})
             return name, options, path, path
@@ -151,7 +151,7 @@ class Form:
         return name, options, (*path, next(iter(value))), (*path, next(iter(value)))
 
     def _instead_of_keys(self, value: Any) -> str:
-        """What to write instead of several keys: options are indented deeper, and items begin with a dash."""
+        """What to write instead of several keys: options must be indented deeper, and items must begin with a dash."""
         names = REGISTRIES[self.noun].names()
         if not isinstance(value, dict) or next(iter(value), None) not in names:
             return ""
@@ -177,12 +177,12 @@ class Form:
         self.axes.append(Axis((option,), [(value,) for value in values]))
 
     def _takes_fractions(self, option: str) -> bool:
-        """Whether its values are numbers that need not be whole: a search steps between the ends of a range."""
+        """Whether its values are numbers that need not be whole: a search tries values between the ends of a range."""
         stated = schema_of(self.cls, option)
         return any(branch.get("type") == "number" for branch in (stated, *stated.get("anyOf", [])))
 
     def _sweeps(self, option: str, given: Any) -> bool:
-        """Whether a value that the option does not accept is a sweep; of an option that takes a list, one of lists."""
+        """Whether a rejected value is a sweep: a list; for an option of lists, a list of lists."""
         of_any_length = "items" in schema_of(self.cls, option)
         return isinstance(given, list) and (not of_any_length or any(isinstance(value, list) for value in given))
 
@@ -194,7 +194,7 @@ class Form:
         return True
 
     def _checked(self, path: KeyPath, option: str, value: Any) -> Any:
-        """A value that the option accepts; a file that lies beside the study, with its whole path."""
+        """The value, which the option must accept; a file that lies in the study's folder becomes its whole path."""
         try:
             check(self.cls, option, value)
         except InputError as error:
@@ -255,7 +255,7 @@ class Form:
         return Tune(option, model.tune, low, high)
 
     def _no_metric(self, name: str) -> str:
-        """The message for a name that is no metric, or that several of the study have; "" for one that is a metric."""
+        """The message for a name that is unknown, or shared by several metrics of the study; "" for a valid name."""
         same = [column for column in self._metrics if column.startswith(f"{name} (")]
         if name in self._metrics or (name in METRICS.names() and not same):
             return ""
@@ -270,7 +270,7 @@ class Form:
 
 
 def _unknown(kind: str, name: str, stated: Any) -> str:
-    """What to say of a name that is none of a kind: how a file is written, how files of the kind end, or a name."""
+    """The message for an unknown name: how to write a file, the endings of such files, or the nearest name."""
     if isinstance(stated, str) and kind in WORDS:
         meant, option = WORDS[kind](stated)
         if option:
@@ -285,7 +285,7 @@ def _flow(options: dict[str, Any]) -> str:
 
 
 def _bounds(cls: type[Options], option: str) -> list[float] | None:
-    """The bounds, themselves allowed, that the annotation of a number states."""
+    """The inclusive bounds in the annotation of a number, or None."""
     stated = schema_of(cls, option)
     for branch in (stated, *stated.get("anyOf", [])):
         if "minimum" in branch and "maximum" in branch:

@@ -1,4 +1,4 @@
-"""The studies that are installed: a name -> its YAML."""
+"""The installed studies: a name -> its YAML file."""
 
 from importlib import resources
 from pathlib import Path

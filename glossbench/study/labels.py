@@ -1,4 +1,4 @@
-"""Rows of the table of results: their values, and names from the options that tell them apart."""
+"""Rows of the table of results: their values, and names made of the options that distinguish them."""
 
 import json
 import re
@@ -12,30 +12,33 @@ Texts = dict[str, str]
 
 
 def stated(row: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of a cell as its study states them: of a tuned one how it was tuned, not the value that came out."""
+    """The options of a cell as its study states them: for a tuned option how it was tuned, not the value found."""
     how = {key: {"tune": ""} for key in row["tuned"]} | dict(row.get("tune") or {})
     return {**row["options"], **how}
 
 
 def number_in(value: Any) -> float | None:
-    """A number as itself, and a list of one number alone, such as the m of an isotropic lobe; else None."""
+    """The number that a value states: a number itself, or a list of equal numbers, such as isotropic m; else None."""
     if isinstance(value, list) and value and all(each == value[0] for each in value):
         return number_in(value[0])
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def budget_of(row: Mapping[str, Any]) -> float | None:
-    """What a cell's method was given of the option that is its budget; None where it has none, or a tuned one."""
+    """The stated value of the budget option of a cell's method; None without a budget, or if the budget is tuned."""
     return number_in(stated(row).get(row["budget"]))
 
 
 def told_apart(rows: Sequence[Mapping[str, Any]], over: str | None = None) -> list[tuple[Texts, Texts]]:
-    """Of each row, as text, the options that tell it from the others of its method; and those that `over` leaves open.
+    """For each row, two sets of options as text: (distinguishing, independent of `over`).
+
+    The first are the options that distinguish the row from the other rows of its method, without the plotted option
+    `over`, and without the number of samples under another name. The second leaves out, too, the options whose value
+    `over` alone determines, as when a study pairs two options. A tuned option states how it was tuned, not its value.
 
     Args:
-        over: an option that a plot is over, or a parameter, "material.s"; None is the budget of the method. It tells
-            nothing itself, nor does the number of samples by another name; the second of a pair leaves out, too, what
-            it decides alone, as where a study pairs two options. An option that is tuned tells how, not where it ended.
+        over: the option on the horizontal axis of a plot, or a parameter such as "material.s"; None is the budget of
+            each method.
     """
     found: list[tuple[Texts, Texts]] = [({}, {})] * len(rows)
     methods: dict[str, list[int]] = {}
@@ -49,7 +52,7 @@ def told_apart(rows: Sequence[Mapping[str, Any]], over: str | None = None) -> li
 
 
 def _told(rows: Sequence[Mapping[str, Any]], over: str | None) -> list[tuple[Texts, Texts]]:
-    """As `told_apart`, of rows of one method."""
+    """As `told_apart`, for the rows of one method."""
     every = [stated(row) for row in rows]
     keys = {row["budget"] for row in rows} if over is None else {over}
     asked = [each.get(row["budget"] if over is None else over) for row, each in zip(rows, every, strict=True)]
@@ -64,16 +67,16 @@ def _told(rows: Sequence[Mapping[str, Any]], over: str | None) -> list[tuple[Tex
 
 
 def identity(kind: str, row: Mapping[str, Any], without: str = "") -> str:
-    """What a light, material or view is, one of its parameters aside."""
+    """The name and options of a light, material or view as text, without one of its parameters."""
     options = {key: value for key, value in row[f"{kind}_options"].items() if key != without}
     return json.dumps([row[kind], options], sort_keys=True)
 
 
 def names_of(kind: str, rows: Iterable[Mapping[str, Any]], without: str = "") -> Texts:
-    """By identity the name of each light, material or view: different ones have different names.
+    """By identity, a unique name for each light, material or view.
 
-    A file is called by as much of the end of its path as tells it from others; then come, in brackets, the options in
-    which those of one name differ.
+    A file has as its name the shortest end of its path that no other file has. The options in which items of one name
+    differ follow in brackets.
     """
     known = {identity(kind, row, without): row for row in rows}
     alike: dict[str, list[dict[str, Any]]] = {}
@@ -97,7 +100,7 @@ def names_of(kind: str, rows: Iterable[Mapping[str, Any]], without: str = "") ->
 
 
 def with_names(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The rows of a whole table, with `light_name`, `material_name` and `view_name` as reports have them."""
+    """The rows of a whole table, with the names of reports as `light_name`, `material_name` and `view_name`."""
     read = [parsed(row) for row in rows]
     names = {kind: names_of(kind, read) for kind in CONDITIONS}
     return [
@@ -107,12 +110,12 @@ def with_names(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def with_options(name: str, options: Mapping[str, Any]) -> str:
-    """A name and, in brackets, options: "ggx (alpha 0.1)"."""
+    """A name with options in brackets: "ggx (alpha 0.1)"."""
     return f"{name} ({listed(options)})" if options else name
 
 
 def listed(options: Mapping[str, Any]) -> str:
-    """Options as names have them.
+    """Options as text, as in names.
 
     >>> listed({"samples": 14, "m": [0.1, 0.04], "filter": "gauss"})
     'samples 14, m [0.1, 0.04], filter gauss'
@@ -121,7 +124,7 @@ def listed(options: Mapping[str, Any]) -> str:
 
 
 def as_text(value: Any, digits: int = 4) -> str:
-    """The value of an option, as names have it; with more than 4 digits also the range of one that was tuned."""
+    """The value of an option as text, as in names; with more than 4 digits, a tuned option also has its range."""
     if isinstance(value, float):
         return f"{value:.{digits}g}".replace("-", "−")
     if isinstance(value, list):
@@ -133,7 +136,7 @@ def as_text(value: Any, digits: int = 4) -> str:
 
 
 def texts_of(values: Iterable[Any]) -> Texts:
-    """By JSON the text of each value, with as many digits as tell them apart.
+    """The text of each value, by its JSON, with enough digits that different values have different texts.
 
     >>> texts_of([0.12345678, 0.5])
     {'0.12345678': '0.1235', '0.5': '0.5'}
@@ -158,12 +161,12 @@ def _is_tuned(value: Any) -> bool:
 
 
 def _is_path(key: str, value: Any) -> bool:
-    """Whether an option names a file, as far as its name or its value tells."""
+    """Whether an option names a file: a guess from the name and the value of the option."""
     return isinstance(value, str) and (key == "file" or "/" in value or "\\" in value)
 
 
 def _short_paths(paths: Iterable[str]) -> Texts:
-    """Of each path the fewest of its last parts that no other path ends with."""
+    """For each path, its fewest last parts that no other path ends with."""
     parts = {path: [part for part in re.split(r"[/\\]+", path) if part not in ("", ".")] for path in paths}
     short: Texts = {}
     for n in range(1, 1 + max(map(len, parts.values()), default=0)):
@@ -174,7 +177,7 @@ def _short_paths(paths: Iterable[str]) -> Texts:
 
 
 def _distinct(names: Texts) -> Texts:
-    """Names of which a later one that an earlier one has, too, gets a number."""
+    """Unique names: a name that an earlier one has already gets a number."""
     count: Counter[str] = Counter()
     found = {}
     for key, name in names.items():
@@ -184,9 +187,9 @@ def _distinct(names: Texts) -> Texts:
 
 
 def _follows(values: Sequence[Any], asked: Sequence[Any], is_budget: bool) -> bool:
-    """Whether one option alone decides another, as where a study pairs them: then that tells no two lines apart.
+    """Whether one option alone determines another, as when a study pairs them; the other then distinguishes no lines.
 
-    Two values of a budget may go with one of the other; of what is no budget each must have its own.
+    For a sample budget the mapping may be many-to-one; for any other option it must be one-to-one.
     """
     found: dict[str, set[str]] = {}
     for value, decides in zip(values, asked, strict=True):
@@ -197,7 +200,7 @@ def _follows(values: Sequence[Any], asked: Sequence[Any], is_budget: bool) -> bo
 
 
 def differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Keys, in order, whose value is not the same in all.
+    """Keys, in order, whose values are not all equal.
 
     >>> differing([{"m": 0.1, "f0": 1.0}, {"m": 0.2, "f0": 1.0}, {"m": 0.2, "f0": 1.0, "kd": 0.5}])
     ['m', 'kd']

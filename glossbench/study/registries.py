@@ -1,4 +1,4 @@
-"""The registries of all that a study names, by kind."""
+"""The registries of methods, materials, lights, views and metrics, by kind."""
 
 from collections.abc import Mapping
 from typing import Any

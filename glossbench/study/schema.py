@@ -1,4 +1,4 @@
-"""What a study may say: its keys with their types and bounds, and all of it as JSON Schema for editors."""
+"""The keys of a study with their types and bounds, and the same as JSON Schema for editors."""
 
 import re
 from typing import Annotated, Any, Literal, Self
@@ -15,19 +15,19 @@ from glossbench.study.registries import REGISTRIES
 from glossbench.study.shared_schema import shared
 from glossbench.truth.reference import FIRST_SAMPLES, N_REPLICATES
 
-KINDS_OF_ITEMS = {"light": "light", "material": "material", "view": "view", "methods": "method"}  # by their key
-# Of each kind that may be a file's bare name: how such files end; an image's ending says only that it is one.
+KINDS_OF_ITEMS = {"light": "light", "material": "material", "view": "view", "methods": "method"}  # by key of a study
+# For each kind that may be the bare name of a file: the endings of such files. A light's file may have any ending.
 ENDINGS = {"light": (), "material": (*FORMATS, ".fit"), "view": tuple(READERS)}
-MAX_ENTRIES = 1000  # of claims and exclude: each is compared with every cell
+MAX_ENTRIES = 1000  # in claims and in exclude, because each is compared with every cell
 
 
 class ReferenceOptions(BaseModel):
-    """How the truth is computed.
+    """How the reference is computed.
 
     Attributes:
-        relative_error: RMS of its standard error over its mean, at which it is good enough.
-        seed: of its scrambles; where it is not stated, the study's.
-        max_samples: per pixel and technique, at which it stops in any case.
+        relative_error: RMS of its standard error, divided by its mean, at which the reference is accurate enough.
+        seed: seed of its scrambles; default: the study's.
+        max_samples: samples per pixel and technique at which the reference stops in any case.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -36,7 +36,7 @@ class ReferenceOptions(BaseModel):
     max_samples: Annotated[int, Field(ge=N_REPLICATES * FIRST_SAMPLES)] = 1 << 16
 
     def with_seed(self, seed: int) -> Self:
-        """The options under another seed of their study."""
+        """The options for another seed of their study."""
         if "seed" in self.model_fields_set:
             return self
         return self.model_construct(self.model_fields_set, **{**self.model_dump(), "seed": seed})
@@ -51,25 +51,25 @@ def _module(name: str) -> str:
 
 
 class StudyKeys(BaseModel):
-    """The keys of a study; what is in an item depends on its name.
+    """The keys of a study. The options of an item depend on its name.
 
     Attributes:
-        title: of the study, one line.
+        title: title of the study, one line.
         source: the paper, figure or table that it reproduces.
-        question: what it asks, as its report prints it.
-        light: a light, or a list of them: an image file, a name, or a name with its options.
-        material: a material, or a list of them: a name, or a name with its options.
-        view: what is seen, or a list of them: a name, or a name with its options.
-        methods: a method, or a list of them: a name, or a name with its options.
-        reference: how the truth is computed.
-        metrics: errors that are measured, or a list of them: a name, or a name with its options.
-        claims: sentences that are checked, each with the cells that it is about.
-        exclude: mappings of light, material, view, method or an option to a value; cells that fit all of one are left
-            out.
-        seed: of the reference, and of methods that state none.
-        device: where methods are computed.
-        time_limit: seconds that a cell may take, its reference not counted; one that takes longer has failed.
-        plugins: modules that register methods, materials, lights, views or metrics: installed, or beside this file.
+        question: the question that it asks, as its report prints it.
+        light: a light, or a list of lights: an image file, a name, or a name with its options.
+        material: a material, or a list of materials: a name, or a name with its options.
+        view: a view, or a list of views: a name, or a name with its options.
+        methods: a method, or a list of methods: a name, or a name with its options.
+        reference: how the reference is computed.
+        metrics: an error to be measured, or a list of errors: a name, or a name with its options.
+        claims: sentences to be checked, each with the cells that it is about.
+        exclude: mappings of light, material, view, method or an option to a value; cells that fit all of one mapping
+            are left out.
+        seed: seed of the reference, and of methods without a stated seed.
+        device: device on which methods are computed.
+        time_limit: seconds that a cell may take, without its reference; a cell that takes longer has failed.
+        plugins: modules that register methods, materials, lights, views or metrics: installed, or in this folder.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -91,11 +91,11 @@ class StudyKeys(BaseModel):
 
 
 class TuneKeys(BaseModel):
-    """What stands in place of an option's value that is to be searched for.
+    """What a study states instead of the value of an option, to let a run search for the best value.
 
     Attributes:
-        tune: the error that is made least.
-        range: [low, high], between which is searched; by default the bounds of the option.
+        tune: the error to be minimised.
+        range: [low, high], the interval that is searched; by default the bounds of the option.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -117,7 +117,7 @@ def schema() -> dict[str, Any]:
 
 
 def _of_model(model: type[BaseModel]) -> dict[str, Any]:
-    """The schema of a model, each key with what its docstring says of it."""
+    """The schema of a model; each key has its description from the docstring."""
     stated = model.model_json_schema()
     for of, own in ((model, stated), (ReferenceOptions, stated.get("$defs", {}).get("ReferenceOptions", {}))):
         texts = attributes(of)
@@ -131,7 +131,7 @@ def _of_model(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def _hoisted(stated: Any, definitions: dict[str, Any]) -> Any:
-    """A schema whose nested definitions have moved to where its references look for them."""
+    """The schema with all nested definitions moved to `definitions`, where its references look for them."""
     if isinstance(stated, list):
         return [_hoisted(one, definitions) for one in stated]
     if not isinstance(stated, dict):
@@ -141,7 +141,7 @@ def _hoisted(stated: Any, definitions: dict[str, Any]) -> Any:
 
 
 def _item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
-    """A name, or one name with options; a light, material or view may be a file."""
+    """The schema of an item: a name, or one name with options; a light, material or view may be a file."""
     options = {name: _options_schema(registry.get(name), kind == "methods") for name in registry.names()}
     named = {name: {"anyOf": [of_name, {"type": "null"}]} for name, of_name in options.items()}
     one = {
@@ -161,7 +161,7 @@ def _item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
 
 
 def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
-    """Each option takes a value or a list of values, and a method's number may be tuned."""
+    """The schema of a class's options: each takes a value or a list of values; a method's option may be tuned."""
     stated, texts = json_schema(cls), attributes(cls)
     properties: dict[str, Any] = {}
     lists: dict[str, Any] = {}

@@ -1,18 +1,18 @@
-"""A JSON Schema without repetition: what stands in it more than once is stated once, under $defs."""
+"""A JSON Schema without repetition: a part that occurs more than once is stated once, under $defs."""
 
 import json
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-LISTS = ("anyOf", "prefixItems")  # of schemas
-MAPS = ("properties", "$defs")  # of names to schemas
+LISTS = ("anyOf", "prefixItems")  # keys that hold a list of schemas
+MAPS = ("properties", "$defs")  # keys that map names to schemas
 SINGLE = ("items", "additionalProperties", "propertyNames")
-MIN_LENGTH = 80  # characters, below which a reference is no shorter
+MIN_LENGTH = 80  # characters; a reference to a shorter part would save nothing
 
 
 def shared(schema: dict[str, Any]) -> dict[str, Any]:
-    """The schema with its repeated parts under $defs, each by the name of the place where it comes first."""
+    """The schema with its repeated parts under $defs, each named after the place where it occurs first."""
     counts = Counter(text for text, _ in _parts(schema, ()))
     names: dict[str, str] = {}
     taken = Counter(list(schema["$defs"]))
@@ -27,7 +27,7 @@ def shared(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _parts(schema: dict[str, Any], path: tuple[str, ...]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Every schema below one, as canonical text, with the names on the way to it; those within a repeated one, too."""
+    """Every schema below one, as canonical text, with the names on the path to it; also inside repeated parts."""
     for part, name in _children(schema):
         below = (*path, name) if name else path
         yield json.dumps(part, sort_keys=True), below

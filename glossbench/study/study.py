@@ -1,4 +1,4 @@
-"""Studies: a YAML file -> a checked Study -> the cells to be run."""
+"""Studies: a YAML file -> a checked Study -> the cells to run."""
 
 import math
 import os
@@ -41,13 +41,13 @@ ENDINGS = (".yaml", ".yml")
 
 @dataclass(frozen=True)
 class Study:
-    """A question, and all that is compared to answer it; the name of the file does not count in ==.
+    """A question, and everything that is compared to answer it. == ignores the name and folder of the file.
 
     Attributes:
-        exclude: mappings of light, material, view, method or an option to a value; what fits is left out.
-        time_limit: seconds that a cell may take, its reference not counted.
-        name: of its file, without the ending.
-        folder: of its file.
+        exclude: mappings of light, material, view, method or an option to a value; cells that fit one are left out.
+        time_limit: seconds that a cell may take, without its reference.
+        name: name of its file, without the ending.
+        folder: folder of its file.
     """
 
     title: str
@@ -69,11 +69,11 @@ class Study:
     folder: Path = field(compare=False)
 
     def with_seed(self, seed: int) -> "Study":
-        """The study with another seed, which all takes that has no stated one: the reference, and methods.
+        """A copy with another seed. It is used by the reference and by methods that do not set their own.
 
         Raises:
-            InputError: a seed below 0 or of more than 32 bits, one that an option does not take, or that makes two
-                methods the same.
+            InputError: the seed is below 0 or has more than 32 bits, an option does not accept it, or it makes two
+                methods equal.
         """
         if not 0 <= seed < 1 << 32:
             raise InputError(f"seed must be {f'less than {1 << 32}' if seed > 0 else 'at least 0'}, got {seed}")
@@ -83,7 +83,7 @@ class Study:
         return replace(self._comparing(methods), seed=seed, reference=self.reference.with_seed(seed))
 
     def only(self, names: Collection[str]) -> "Study":
-        """The study of some of its methods; InputError for a name that it does not have."""
+        """A copy with only some of its methods; InputError for an unknown name."""
         known = {item.name for item in self.methods}
         for name in names:
             if name not in known:
@@ -91,7 +91,7 @@ class Study:
         return self._comparing(tuple(item for item in self.methods if item.name in names))
 
     def _comparing(self, methods: tuple[Candidate, ...]) -> "Study":
-        """The study of these methods, without the exclusions and claims that are about others."""
+        """A copy with these methods, without the exclusions and claims that are about other methods."""
         every = replace(self, methods=methods).index
         fits = [every.excluded(entry) for entry in self.exclude]
         if fits and np.logical_or.reduce(fits).all():
@@ -102,13 +102,13 @@ class Study:
         return replace(self, methods=methods, exclude=exclude, claims=claims)
 
     def cells(self) -> list[Cell]:
-        """Every light x material x view x method in this order, but those excluded."""
+        """All combinations light x material x view x method, in this order, without the excluded ones."""
         every = product(self.lights, self.materials, self.views, self.methods)
         return [Cell(*items) for items in compress(every, self.kept)]
 
     @cached_property
     def kept(self) -> Mask:
-        """Which of all combinations no entry of `exclude` leaves out."""
+        """For each combination, whether no entry of `exclude` leaves it out."""
         kept = np.ones(len(self.index.codes["method"]), bool)
         for entry in self.exclude:
             kept &= ~self.index.excluded(entry)
@@ -121,7 +121,7 @@ class Study:
 
     @cached_property
     def measured(self) -> dict[str, Metric]:
-        """By column its metrics and the RMS error, which is always measured."""
+        """By column, the metrics of the study and the RMS error, which is always measured."""
         return dict(zip(self.metric_columns, self.metrics, strict=True)) | {"rms": METRICS.create("rms", {})}
 
     def has_device(self) -> bool:
@@ -130,7 +130,7 @@ class Study:
 
     @cached_property
     def index(self) -> CellIndex:
-        """All combinations of its items, a tuned option as the study states it."""
+        """All combinations of its items; a tuned option is as the study states it."""
         kinds: dict[str, tuple[Options | Candidate, ...]] = {
             "light": self.lights,
             "material": self.materials,
@@ -140,7 +140,7 @@ class Study:
         return CellIndex.product({kind: [(i.name, i.as_dict()) for i in items] for kind, items in kinds.items()})
 
     def resolved(self) -> dict[str, Any]:
-        """The study as plain data, everything spelled out; its YAML loads as an equal study."""
+        """The study as plain data with all defaults written out; its YAML loads as an equal study."""
         return {
             "title": self.title, "source": self.source, "question": self.question,
             "light": [{item.name: item.as_dict()} for item in self.lights],
@@ -155,17 +155,17 @@ class Study:
         }  # fmt: skip
 
     def _stated_metric(self, metric: Metric) -> str | dict[str, Any]:
-        """A name where that says all."""
+        """The metric as a study states it: its name alone if that identifies it, else the name with its options."""
         is_alone = sum(other.name == metric.name for other in self.metrics) == 1
         return metric.name if is_alone and metric.is_usual() else {metric.name: metric.as_dict()}
 
 
 def load_study(name_or_path: str | Path, light: str | None = None, open_files: bool = False) -> Study:
-    """The study at a path that ends in .yaml, or the installed study of a name.
+    """The study at a path that ends in .yaml, or the installed study with this name.
 
     Args:
-        light: takes the place of the study's lights: an image file, or a light's name.
-        open_files: read all files that it names, too: images, meshes, measurements.
+        light: an image file, or the name of a light, that replaces the study's lights.
+        open_files: also read all files that the study names: images, meshes, measurements.
 
     Raises:
         InputError: the study cannot be read, or is wrong; one line that begins with FILE:LINE:COLUMN.
@@ -176,7 +176,7 @@ def load_study(name_or_path: str | Path, light: str | None = None, open_files: b
 def study_with_forms(
     name_or_path: str | Path, light: str | None = None, open_files: bool = False
 ) -> tuple[Study, dict[str, list[Form]]]:
-    """The study as `load_study` has it, and its items as the file states them."""
+    """The study as `load_study` returns it, and its items as the file states them."""
     path = _path_of(name_or_path)
     document = read_document(path)
     model = document.validate(StudyKeys)
@@ -186,7 +186,7 @@ def study_with_forms(
                 import_plugin(plugin, path.absolute().parent)
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # a plug-in is anyone's code
+        except BaseException as error:  # a plug-in may raise anything
             kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
             text = f"plugin {plugin!r}: {kind}{error}"
             raise document.error(("plugins", i), text) from error
@@ -240,7 +240,7 @@ def _path_of(name_or_path: str | Path) -> Path:
 
 
 def _with_hint(path: Path) -> Path:
-    """The path; InputError with the nearest study beside it where there is no such file but one of nearly its name."""
+    """The path; InputError with the nearest study of its folder if the file is missing but a similar name exists."""
     if not os.path.lexists(path) and path.parent.is_dir():
         files = [file.name for file in path.parent.iterdir() if file.suffix in ENDINGS]
         if "did you mean" in (hint := nearest(path.name, files)):
@@ -249,7 +249,7 @@ def _with_hint(path: Path) -> Path:
 
 
 def _entries(document: Document, kind: str, model: StudyKeys) -> list[tuple[KeyPath, Any]]:
-    """The items of one kind as the file states them, or by default, with their paths."""
+    """The items of one kind with their paths, as the file states them, or the default items."""
     value = document.data.get(kind, getattr(model, kind))
     if value == []:
         raise document.error((kind,), f"{kind} needs at least one item")
@@ -257,7 +257,7 @@ def _entries(document: Document, kind: str, model: StudyKeys) -> list[tuple[KeyP
 
 
 def _items(document: Document, forms: list[Form], time_limit: float) -> tuple[Any, ...]:
-    """All items of one kind; InputError for one that is there twice: claims would count it twice."""
+    """All items of one kind; InputError for an item that occurs twice, because claims would count it twice."""
     found: dict[str, Any] = {}
     for form in forms:
         with loading(form.cls.name, time_limit) if is_foreign(form.cls) else nullcontext():

@@ -1,4 +1,4 @@
-"""What YAML's own errors mean, as a rule a person can follow: which sign is missing, and where."""
+"""Hints for errors of the YAML parser: which character is missing, and where."""
 
 import re
 
@@ -6,11 +6,11 @@ TEXTS = ("title", "source", "question", "text")  # keys whose value is free text
 
 
 def hint(problem: str, lines: list[str], line: int, column: int) -> str:
-    """What to write instead, for an error of the parser at a place of the file; nothing where that cannot be guessed.
+    """What to write instead, for an error of the parser at a place in the file; "" if that cannot be guessed.
 
     Args:
-        lines: of the file.
-        line, column: of the error, from 0.
+        lines: the lines of the file.
+        line, column: place of the error, both from 0.
     """
     text = lines[line] if line < len(lines) else ""
     before, above = text[:column], next((each for each in reversed(lines[:line]) if each.strip()), "")
@@ -29,7 +29,7 @@ def hint(problem: str, lines: list[str], line: int, column: int) -> str:
 
 
 def _second_colon(before: str, rest: str, above: str) -> str:
-    """What is meant where a colon stands in what is a value already."""
+    """The hint for a colon inside a value."""
     pair = re.match(r"(\s*(?:- +)*)([\w.]+): +(\S.*)$", before)
     if pair is None:
         if missing := re.match(r"\s*(?:- +)*([\w.]+):(\S+)$", above):
