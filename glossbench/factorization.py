@@ -197,7 +197,7 @@ def factorize(
         if n != len(log_f):
             raise InputError(f"map {j} is read by {n} samples, but there are {len(log_f)}")
     if not np.isfinite(log_f).all():
-        raise InputError("the logarithm of a sample is not finite: clamp what is not above 0 first")
+        raise InputError("the logarithm of a sample is not finite: raise samples that are not above 0 first")
     begin = np.concatenate(average_start(log_f, maps) if start is None else list(start))
     system = _System(maps, smoothness, log_f.shape[1])
     found, iterations = system.solve(log_f, begin, solver, tolerance, max_iterations)

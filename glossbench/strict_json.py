@@ -47,7 +47,7 @@ def unsealed(text: str | bytes) -> dict[str, Any]:
         raise ValueError("not a mapping")
     checksum = data.pop(_CHECKSUM, None)
     if checksum is not None and checksum != _checksum(data):
-        raise ValueError("its checksum is another")
+        raise ValueError("its checksum does not match")
     return data
 
 

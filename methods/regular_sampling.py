@@ -65,7 +65,7 @@ class RegularSampling(Method):
 
     Attributes:
         samples: the budget; the pattern of either spacing whose number of samples is nearest to it is used.
-        xi: the lobe is cut off where its density, relative to the peak, falls to this value.
+        xi: density, over its peak, at which the lobe is cut off.
         n_circles: number of circles; together with `spacing` it states a pattern, instead of the budget.
         spacing: s1 begins with one sample at the centre and six around it, s2 with four around the centre.
         normalisation: "printed", p_h = mean of D(h_i), eq. 18; "exact", p_h = mean of D(h_i) cos(theta_i), with which
@@ -114,8 +114,8 @@ class RegularSampling(Method):
         if self.n_circles is not None or self.samples < 30 or self.xi < 0.1:
             return ()
         return (
-            f"regular_sampling: at xi {self.xi:g} the tail of a lobe stays cut off, however many samples are taken; "
-            "lower it as the budget grows (quickstart: 0.05 at 61, 0.01 at 252)",
+            f"regular_sampling: xi {self.xi:g} cuts off the tail of each lobe, and more samples do not bring it back; "
+            "use a smaller xi for a larger budget (quickstart: 0.05 at 61, 0.01 at 252)",
         )
 
     def half_vectors(self, material: Material) -> Tensor | None:

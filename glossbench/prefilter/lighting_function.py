@@ -72,7 +72,7 @@ def anisotropy(material: Material) -> str | None:
     for values in f:
         largest = values.max(1).values
         if bool(((largest - values.min(1).values) > 1e-2 * largest).any()):
-            return "its material is anisotropic, and a factor of normal and view knows no tangent"
+            return "its material is anisotropic, and factors of normal and view do not depend on the tangent"
     return None
 
 

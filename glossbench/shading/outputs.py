@@ -16,7 +16,7 @@ from torch import Tensor
 from glossbench.errors import MethodError
 from glossbench.scene.points import View
 
-MOST_SAMPLES = 1 << 53  # the largest integer up to which a double is exact
+MOST_SAMPLES = 1 << 53  # double precision holds every whole number up to this
 MOST_PIXELS = 8192  # along an edge
 LONGEST = 80  # characters in the name of a picture, which is part of a file name
 
@@ -81,7 +81,7 @@ def pattern_of(by: str, value: Any) -> NDArray[np.float32] | None:
         raise MethodError(f"{rule}, got {_told(value)}")
     found = value.detach().float().cpu()
     if not torch.isfinite(found).all():
-        raise MethodError(f"{rule}, got some that are not")
+        raise MethodError(f"{rule}, got numbers that are not finite")
     array: NDArray[np.float32] = found.numpy()
     return array
 
@@ -101,7 +101,7 @@ def pictures_of(by: str, value: Any) -> dict[str, Tensor]:
             raise MethodError(f"{rule}, got {_told(picture)}")
         found[name] = picture.detach().float().cpu()
         if not torch.isfinite(found[name]).all():
-            raise MethodError(f"{rule}, got some that are not")
+            raise MethodError(f"{rule}, got numbers that are not finite")
     return found
 
 
@@ -121,7 +121,7 @@ def check_view(view: View) -> None:
                     f"{view.name}.points: {name} needs components ({n},) float32, as the mask, got {_told(c)}"
                 )
             if not torch.isfinite(c).all():
-                raise MethodError(f"{view.name}.points: {name} must be finite, got some that are not")
+                raise MethodError(f"{view.name}.points: {name} must be finite, got numbers that are not")
 
 
 def printable(text: str) -> str:

@@ -37,7 +37,9 @@ class BRDFFactorization(Method):
             from above if it does not have one, such as a constant light.
         edge: texels along the edge of a factor's map.
         pairs: number of pairs of directions at which the BRDF is sampled.
-        smoothness, solver, tolerance: see `factorize`.
+        smoothness: weight lambda of the Laplacian against the samples: a larger weight gives smoother maps.
+        solver: solver of the least-squares problem.
+        tolerance: relative residual at which the solver stops.
         floor: values of the BRDF below this times its maximum are raised to it.
 
     Source: McCool et al. 2001; compared so in Latta and Kolb 2002, section 4.2.
@@ -68,8 +70,8 @@ class BRDFFactorization(Method):
         if self.lights > 1:
             return ()
         return (
-            "brdf_factorization with lights: 1 takes all light from its mean direction, from above where it has none, "
-            "as a constant light; lights: 6 or more shows an extended light",
+            "brdf_factorization with lights: 1 takes all light from its mean direction (from above if it does not have "
+            "one, such as a constant light); lights: 6 or more shows an extended light",
         )
 
     @stage

@@ -85,13 +85,16 @@ class LightingFactorization(Method):
         clamp: samples above this value are lowered to it. The absolute errors in the paper are those of clamped
             samples.
         floor: samples below this times the mean are raised to it, because zero does not have a logarithm.
-        smoothness: lambda of the Laplacian; the paper does not give its value.
+        smoothness: weight lambda of the Laplacian against the samples; the paper does not give its value.
         sampling: "sum" over all texels, or "monte_carlo": by `samples` of light and material for each sample of Lo.
         samples: number of samples of light and material for each sample of Lo, if `sampling` is "monte_carlo".
         seed: seed of these samples.
-        solver, tolerance, max_iterations: see `factorize`.
-        textures: "float", or "8bit", see `fixed_point`, as on the hardware of the paper.
-        prescale: for 8-bit textures that need a factor of more than 4, see `fixed_point`.
+        solver: solver of the least-squares problem.
+        tolerance: relative residual at which the solver stops.
+        max_iterations: largest number of iterations of each solve.
+        textures: "float", or "8bit" as on the hardware of the paper, see `fixed_point`.
+        prescale: for 8-bit textures whose product is above 4: the exponent with which they are brightened, from 0, not
+            at all, to 1, by the whole missing factor. Brightening cuts off highlights.
         interpolation: between texels, of "radiance" as in hardware, or of its "logarithm" as in the solve.
         level: the MIP level that is shown; 0 is the finest.
         mip: "factorized": coarser levels are the solves of smaller edges; "box": they are box-filtered from the finest.

@@ -48,7 +48,7 @@ def no_lobe_sum(lobe: Lobe) -> str | None:
     normal = Vec3(*(torch.tensor([[v]], device=device) for v in (0.0, 0.0, 1.0)))
     axis = lobe.to_surface(aslant, reflect(lobe.viewer(aslant), normal))
     if any((a - b).abs().max() > 1e-5 for a, b in zip(axis, reflect(aslant, normal), strict=True)):
-        return "its lobe is not about the mirror direction"
+        return "the axis of its lobe is not the mirror direction"
     if not torch.allclose(lobe.widths[0], lobe.widths[1]):
         return "its lobe is anisotropic, and cosine lobes are round"
     return None
