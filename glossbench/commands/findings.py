@@ -32,7 +32,7 @@ def findings(
     opened = [Results.open(folder) for folder in results or []]
     for each in opened:
         if not each.disk.manifest.is_finished:
-            raise InputError(f"{each.folder} is not finished; the same `glossbench run` goes on with it")
+            raise InputError(f"{each.folder} is not finished; the same `glossbench run` continues it")
     for each in opened:
         summary = Summary(each.study, each.claims, each.provenance, each.cells)
         summary.write(kept / summary.name)

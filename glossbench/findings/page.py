@@ -23,9 +23,9 @@ def findings_page(summaries: Sequence[Summary], studies: Collection[str] = (), e
     words = [f"- *{word}*: {text}" for word, text in explain_verdicts([c for s in summaries for c in s.claims]).items()]
     parts = [
         "# Findings",
-        "Each claim is a sentence of a paper, or a question, as a checked comparison. `glossbench run STUDY` makes the "
-        "cells again, and `glossbench info STUDY` says what a study compares. Numbers in brackets are 95 % intervals "
-        "of the noise that the reference has.",
+        "Each claim is a sentence of a paper, or a question, as a comparison that a run checks. `glossbench run STUDY` "
+        "computes the cells again, and `glossbench info STUDY` says what a study compares. Numbers in brackets are "
+        "95 % intervals from the noise of the reference.",
         MADE,
         f"{sum(counts.values())} claims of {len(summaries)} studies. {total}.",
         "\n".join(words),
