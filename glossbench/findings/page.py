@@ -39,7 +39,7 @@ def findings_page(summaries: Sequence[Summary], studies: Collection[str] = (), e
 
 
 def _without_rows(earlier: str, names: Collection[str]) -> str:
-    """A text without the rows of its table that are about these studies; a row without a name is about the last one."""
+    """The text without the table rows of these studies; a row without a name belongs to the study of the row above."""
     kept, name = [], ""
     for line in earlier.strip().splitlines():
         row = re.match(r"\| (?:`(\w+)`)? ?\|", line)
