@@ -15,7 +15,8 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-# Before torch starts its threads, which on a busy machine would spin while they wait (docs/decisions/006).
+# This must be set before torch starts its threads: on a busy machine they would spin while they wait
+# (docs/decisions/006).
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 if TYPE_CHECKING:
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from glossbench.truth.reference import Reference
     from glossbench.truth.reference import compute_reference as reference
 
-# Where each name is imported from once it is asked for: torch takes seconds, and a Tab key has none.
+# The module of each name. It is imported at the first use of the name: torch takes seconds to import, and completion of
+# a command line by the Tab key must not wait for it.
 _HOMES = {
     "Material": ("brdf.material", "Material"),
     "CubeMap": ("envmap.cubemap", "CubeMap"),
@@ -78,19 +80,19 @@ def __dir__() -> list[str]:
 
 
 def light(name: str | os.PathLike[str], **options: Any) -> "CubeMap":
-    """The radiance of a light: a registered name ("spots"), one of the catalogue ("grace_cross"), or an image file."""
+    """The radiance of a light: a registered name ("spots"), a catalogue name ("grace_cross") or an image file."""
     from glossbench.envmap.lights.file_light import light_named
     from glossbench.envmap.lights.light import LIGHTS
     from glossbench.process.surroundings import settled
 
     with settled():
         text = _text(name)
-        # What is not text is not a name either, and is refused as such.
+        # A value that is not text cannot be a name: the registry refuses it.
         return (light_named(text, options) if isinstance(text, str) else LIGHTS.create(text, options)).cubemap()
 
 
 def material(name: str | os.PathLike[str], **options: Any) -> "Material":
-    """A material by name and options, or of a file: a measurement (.brdf, .binary, .bsdf) or a table of fits (.fit)."""
+    """A material by name and options, or by file: a measurement (.brdf, .binary, .bsdf) or a table of fits (.fit)."""
     from glossbench.brdf.material import MATERIALS
     from glossbench.brdf.measured_file import material_or_file
 
@@ -100,7 +102,7 @@ def material(name: str | os.PathLike[str], **options: Any) -> "Material":
 
 
 def view(name: str | os.PathLike[str], **options: Any) -> "View":
-    """A view by name and options, or of a mesh file."""
+    """A view by name and options, or by mesh file."""
     from glossbench.scene.mesh_view import view_or_file
     from glossbench.scene.points import VIEWS
 

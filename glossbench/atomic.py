@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that are written whole or not at all."""
 
 import os
 import re
@@ -14,21 +14,21 @@ from uuid import uuid4
 
 from glossbench.errors import CannotWrite
 
-ABANDONED = 86_400.0  # seconds without a change after which a half-written file has no writer, wherever that was
+ABANDONED = 86_400.0  # seconds without a change after which a half-written file has no writer, on any machine
 _PART = re.compile(r"\.glossbench-([0-9a-f]{12})-(\d{1,10})-[0-9a-f]{32}(\.\w{1,8})?")
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A path to write to, that takes the place of `path` when all went well: never a half-written file.
+    """A temporary path to write to. It replaces `path` when the block succeeds, so `path` is never half-written.
 
-    What was written is on the disk before it bears its name, so that a loss of power leaves the old file or the new.
-    Signals that ask a process to end are KeyboardInterrupts meanwhile, and leave no half-written file.
+    The data are on the disk before the file gets its name, so a power failure leaves either the old file or the new.
+    Within the block, a signal that asks the process to end raises KeyboardInterrupt, and the temporary file is removed.
 
     Raises:
-        CannotWrite: a full disk, a folder that is gone or cannot be written.
+        CannotWrite: the disk is full, or the folder does not exist or cannot be written.
     """
-    # As short for every name, and with its ending, by which writers know a format.
+    # The temporary name has the same length for every path. It keeps the ending, from which writers know the format.
     ending = path.suffix if re.fullmatch(r"\.\w{1,8}", path.suffix, re.ASCII) else ""
     part = path.with_name(f".glossbench-{_here()}-{os.getpid()}-{uuid4().hex}{ending}")
     try:
@@ -36,18 +36,18 @@ def replacing(path: Path) -> Iterator[Path]:
             yield part
         _to_disk(part)
         os.replace(part, path)
-        with suppress(OSError):  # some systems open no folders
+        with suppress(OSError):  # some systems cannot open a folder
             _to_disk(path.parent)
     except OSError as error:
         raise CannotWrite(path, error.strerror or str(error)) from error
     finally:
-        with suppress(OSError):  # what was wrong is said already
+        with suppress(OSError):  # an error of writing is already raised
             part.unlink(missing_ok=True)
 
 
 @contextmanager
 def interrupted_when_asked() -> Iterator[None]:
-    """SIGTERM, and SIGHUP of a closed terminal, raise KeyboardInterrupt in the block where nobody else handles them."""
+    """Within the block, SIGTERM and SIGHUP (a closed terminal) raise KeyboardInterrupt, unless they have a handler."""
     ours = []
     if current_thread() is main_thread():
         asking = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
@@ -62,16 +62,20 @@ def interrupted_when_asked() -> Iterator[None]:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove what killed writers left half-written in a folder, not below it; never what another still writes."""
+    """Remove half-written files of killed writers from a folder, but not from its subfolders.
+
+    A file that another process still writes stays.
+    """
     for part in folder.iterdir():
         if _is_abandoned(part):
             part.unlink(missing_ok=True)
 
 
 def _is_abandoned(part: Path) -> bool:
-    """Whether it is one of ours, half-written, and its writer is no more: a dead process of this machine, or long ago.
+    """Whether a path is a half-written file of glossbench whose writer has ended.
 
-    A process of another machine or container cannot be seen from here.
+    The writer has ended if it was a process of this machine that does not run, or if the file has not changed for
+    `ABANDONED` seconds. Processes of other machines and containers cannot be seen from here.
     """
     name = _PART.fullmatch(part.name)
     if name is None or part.is_symlink() or not part.is_file():
@@ -91,9 +95,9 @@ def _is_abandoned(part: Path) -> bool:
 
 
 def _here() -> str:
-    """Where process ids are those of this process: the machine since it started, and the container."""
+    """Hash of the place in which process ids are unique: this start of this machine, and this container."""
     known = [socket.gethostname()]
-    with suppress(OSError):  # what other systems do not have
+    with suppress(OSError):  # only Linux has these
         known.append(Path("/proc/sys/kernel/random/boot_id").read_text())
         known.append(os.readlink("/proc/self/ns/pid"))
     return sha256(" ".join(known).encode()).hexdigest()[:12]

@@ -1,4 +1,4 @@
-"""Quantities in colour: one tensor where they are grey, three where red, green and blue differ."""
+"""Quantities in colour: one tensor if they are grey, three if red, green and blue differ."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ def widen(channels: Channels, n: int) -> Channels:
 
 
 def add(a: Channels, b: Channels) -> Channels:
-    """Channel by channel; an empty tuple is zero, a grey one counts for all three channels."""
+    """a + b, channel by channel. An empty tuple is zero; a grey quantity is added to all three channels."""
     if not a or not b:
         return a or b
     n = max(len(a), len(b))
@@ -25,13 +25,13 @@ def add(a: Channels, b: Channels) -> Channels:
 
 
 def channels(color: tuple[float, ...], device: str) -> Channels:
-    """A colour as tensors: one when its components are equal, else three."""
+    """A colour as tensors: one if its components are equal, otherwise three."""
     values = color[:1] if len(set(color)) == 1 else color
     return tuple(scalar(v, device) for v in values)
 
 
 def channels_unless_black(color: tuple[float, ...], device: str) -> Channels:
-    """A colour as tensors, as `channels`; none where it is black."""
+    """A colour as tensors, as `channels`; no tensor if it is black."""
     return channels(color, device) if any(color) else ()
 
 
@@ -41,8 +41,8 @@ def scalar(value: float, device: str) -> Scalar:
 
 
 def merge_channels(sums: Sequence[Radiance]) -> Radiance:
-    """RGB of light that was summed with a weight of several channels, once for each channel of the weight.
+    """RGB of light that was summed once for each channel of its weight.
 
-    Column c of sum c; the sum itself where the weight is grey.
+    Column c of the result is column c of sum c. If the weight is grey, the result is the only sum.
     """
     return sums[0] if len(sums) == 1 else torch.stack([s[:, c] for c, s in enumerate(sums)], dim=1)

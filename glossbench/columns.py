@@ -1,7 +1,8 @@
 """The columns of results: each is declared once, as a field of the record of one cell.
 
-Terminal, page, PDF, spreadsheet and claims read this table; `columns.json` beside `cells.parquet` keeps it, with the
-columns of the study's metrics, for a reader that has another version or not the plug-in.
+The terminal, the page, the PDF, the spreadsheet and the claims read this table. `columns.json`, in the folder of
+`cells.parquet`, stores it together with the columns of the study's metrics, for a reader that has another version of
+glossbench or does not have the plug-in.
 """
 
 import json
@@ -10,15 +11,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-# key: what identifies the cell.  condition: light, material and view.  method: the method and its options.
-# status: whether it is done.  error: a metric.  cost: a time or memory.  count: a number of samples.
-# reference: of the reference image.  provenance: how, where and when it was measured.  note: a sentence for readers.
+# key: identifies the cell.  condition: light, material or view.  method: the method or its options.
+# status: whether the cell is done.  error: a metric.  cost: a time or memory.  count: a number of samples.
+# reference: a property of the reference image.  provenance: how, where and when the cell was measured.
+# note: a sentence for readers.
 Role = Literal[
     "key", "condition", "method", "status", "error", "cost", "count", "reference", "provenance", "note"
 ]  # fmt: skip
 NAN = float("nan")
-OLD_BUDGET = "samples"  # of results from before there was a column for it
-CONDITIONS = ("light", "material", "view")  # what the cells that are compared share
+OLD_BUDGET = "samples"  # the budget of results that are older than its column
+CONDITIONS = ("light", "material", "view")  # cells that are compared share these
 _TYPES: Mapping[str, type] = {each.__name__: each for each in (str, int, float, bool, dict, list)}
 
 
@@ -27,17 +29,18 @@ class Column:
     """One column of results.
 
     Attributes:
-        name: in the table.
-        type: of a value; a dict or a list is stored as JSON.
-        unit: in which people read it; "" without one.
+        name: its name in the table.
+        type: the type of a value; a dict or a list is stored as JSON.
+        unit: the unit in which people read it; "" if it has none.
         scale: shown value = scale * stored value.
-        role: what kind of thing it says.
-        title: for people, such as "shading time".
-        group: what belongs together in a table or plot; "" alone.
-        lower_is_better: of an error, a cost or a count; of a signed one, for its absolute value.
-        signed: its values have both signs.
-        adds_up: of a dict of numbers, the sum says something.
-        short: its heading in the terminal's table, which is narrow; "" where it is not there.
+        role: the kind of information, see `Role`.
+        title: the name that people read, such as "shading time".
+        group: columns of one group stand together in a table or plot; "" if the column stands alone.
+        lower_is_better: whether a lower value of an error, cost or count is better; for a signed column, a lower
+            absolute value.
+        signed: whether its values have both signs.
+        adds_up: whether the sum of a dict of numbers has a meaning.
+        short: its heading in the narrow table of the terminal; "" if that table does not show it.
     """
 
     name: str
@@ -59,38 +62,38 @@ class Column:
 
     @property
     def heading(self) -> str:
-        """Title and unit, as a table or an axis has them: "shading time [ms]"."""
+        """Title and unit, for a table or an axis: "shading time [ms]"."""
         title = self.title or self.name
         return f"{title} [{self.unit}]" if self.unit else title
 
     def part(self, name: str) -> "Column":
-        """The column of one number of a dict of numbers: `update_seconds.light`."""
+        """The column of one number in a dict of numbers, such as `update_seconds.light`."""
         return replace(self, name=f"{self.name}.{name}", type=float, title=f"{self.title}: {name}")
 
     def in_brief(self, value: Any) -> str:
-        """A value as the terminal's table has it, in the unit that people read."""
+        """A value for the terminal's table, in the unit that people read."""
         return f"{self.scale * value:.4g}" if self.type is float else str(value)
 
     def as_dict(self) -> dict[str, Any]:
-        """What `columns.json` keeps of it: all that is not as usual."""
+        """The entry in `columns.json`: the type, and every attribute that does not have its default."""
         own = {each.name: getattr(self, each.name) for each in fields(self) if getattr(self, each.name) != each.default}
         return own | {"type": self.type.__name__}
 
     @classmethod
     def of_dict(cls, stated: Mapping[str, Any]) -> "Column":
-        """A column from `columns.json`; what another version states beside it is left out."""
+        """A column from its entry in `columns.json`. Attributes that only another version knows are ignored."""
         own = {each.name: stated[each.name] for each in fields(cls) if each.name in stated}
         return cls(**(own | {"type": _TYPES[own["type"]]}))
 
 
 def about(role: Role, title: str = "", **stated: Any) -> dict[str, Any]:
-    """What a column is beside its name and type, written into the type of a field."""
+    """The attributes of a column other than its name and type, for the annotation of a field."""
     return {"role": role, "title": title, **stated}
 
 
 @dataclass(frozen=True, kw_only=True)
 class CellRecord:
-    """All that a run knows of one cell: the only writer of a row. A field is a column; metrics bring their own."""
+    """All that a run knows about one cell. Only this class writes rows. A field is a column; metrics add their own."""
 
     key: Annotated[str, about("key")]
     reference_key: Annotated[str, about("key")]
@@ -150,7 +153,7 @@ class CellRecord:
     code: Annotated[str, about("key", "hash of the source")] = ""
 
     def row(self) -> dict[str, Any]:
-        """The row of the table: values by column, those of JSON columns as text."""
+        """The row of the table: the value of each column; values of JSON columns are text."""
         found: dict[str, Any] = {}
         for each in fields(self):
             value = getattr(self, each.name)
@@ -159,7 +162,7 @@ class CellRecord:
 
 
 def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row with values for what is JSON, and None for what is missing."""
+    """A row in which JSON text is replaced by its value, and a missing value by None."""
     found: dict[str, Any] = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()}
     for name, column in COLUMNS.items():
         if column.is_json:
@@ -170,7 +173,7 @@ def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _text(column: Column, value: Any) -> Any:
-    """A value as it is stored. Options are compared as text, so their order does not count; that of stages does."""
+    """A value as it is stored. Options are compared as text, so their keys are sorted; the stages keep their order."""
     return json.dumps(value, sort_keys=column.role in ("condition", "method")) if column.is_json else value
 
 
@@ -180,14 +183,14 @@ def _declared() -> dict[str, Column]:
     return {name: Column(name, get_origin(kind) or kind, **own) for name, (kind, own) in stated.items()}
 
 
-# Of a whole table, also the names of light, material and view, with the options that tell them from the others there.
+# A whole table also has the names of light, material and view, with the options that distinguish them in this table.
 COLUMNS: Mapping[str, Column] = _declared() | {
     f"{kind}_name": Column(f"{kind}_name", str, role="condition", title=kind) for kind in CONDITIONS
 }
 
 
 def is_cost(name: str) -> bool:
-    """Whether a column is a cost or a count, or a part of one, as `update_seconds.light`."""
+    """Whether a column is a cost or a count, or a part of one, such as `update_seconds.light`."""
     column = COLUMNS.get(name.partition(".")[0])
     return column is not None and column.role in ("cost", "count")
 
@@ -196,7 +199,7 @@ def costs(parts: Mapping[str, Iterable[str]]) -> list[str]:
     """The names of all costs and counts, and of their parts.
 
     Args:
-        parts: the names of the parts of a column that has some.
+        parts: for each column that has parts, their names.
     """
     found: list[str] = []
     for name in filter(is_cost, COLUMNS):
@@ -206,7 +209,7 @@ def costs(parts: Mapping[str, Iterable[str]]) -> list[str]:
 
 
 def with_parts(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A parsed row in which each cost that has parts is their sum, and each part is a column of its own."""
+    """A parsed row in which each cost with parts is the sum of these parts, and each part is a separate column."""
     found = dict(row)
     for name in filter(is_cost, COLUMNS):
         if COLUMNS[name].is_json:

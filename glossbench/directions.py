@@ -1,7 +1,7 @@
 """Directions in components: unit vectors, frames, reflection, spherical coordinates, point sets.
 
-A direction is three tensors of one shape, never one tensor with a last axis of three: kernels stay element-wise,
-so that they fuse, and a direction that depends on the sample only keeps its shape (1, N) until it meets the pixels.
+A direction is three tensors of one shape, never one tensor with a last axis of three: so kernels stay element-wise and
+can be fused, and a direction that depends only on the sample keeps its shape (1, N) until it is combined with pixels.
 Axes of the world: +x right, +y up, right-handed, so that forward is -z. Angles in radians.
 """
 
@@ -41,7 +41,7 @@ def vec3(v: Float[Tensor, "*batch 3"]) -> Vec3:
 
 
 def stack(v: Float[Vec3, "*batch"]) -> Float[Tensor, "*batch 3"]:
-    """The tensor of the broadcast components."""
+    """The components as one tensor, after broadcasting."""
     return torch.stack(torch.broadcast_tensors(*v), dim=-1)
 
 
@@ -123,7 +123,7 @@ def points_2d(n: int, kind: PointSet = "hammersley", seed: int = 0) -> Float32[T
         else:
             plastic = 1.32471795724474602596
             u = torch.stack([(0.5 + (i + 1) / plastic) % 1, (0.5 + (i + 1) / plastic**2) % 1], dim=1)
-    # Open at both ends: log(u) and tan(2 pi u) are taken of them.
+    # The interval is open at both ends, because callers compute log(u) and tan(2 pi u).
     return u.float().clamp(2.0**-24, 1 - 2.0**-24)
 
 

@@ -1,4 +1,4 @@
-"""Docstrings as data: reports, `info` and citations say what they say, also where Python was told to drop them."""
+"""Docstrings as data for reports, `info` and citations, also if Python runs with -OO and drops docstrings."""
 
 import ast
 import inspect
@@ -10,10 +10,10 @@ from typing import Any
 
 
 def documentation(described: Any) -> str:
-    """The docstring of a class or function without its indentation; "" where there is none.
+    """The docstring of a class or function without its indentation; "" if it has none.
 
-    Under -OO Python drops docstrings, and a dataclass has its signature for one: they are then read from the source,
-    where that is there.
+    With -OO, Python drops docstrings, and a dataclass has its signature instead. Then the docstring is read from the
+    source file, if that exists.
     """
     text = described.__doc__
     if sys.flags.optimize > 1:
@@ -23,7 +23,7 @@ def documentation(described: Any) -> str:
 
 
 def attributes(cls: type) -> dict[str, str]:
-    """What the docstrings of a class and its bases say of each attribute, a sentence each, where they do."""
+    """The text on each attribute in the docstrings of a class and its bases; attributes without text are left out."""
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         section = re.search(r"^Attributes:\n((?:    .*\n?|\n)+)", documentation(base), re.MULTILINE)
@@ -35,5 +35,5 @@ def attributes(cls: type) -> dict[str, str]:
 
 
 def first_line(cls: type) -> str:
-    """What a class is, in the first line of its docstring."""
+    """The first line of the docstring of a class, which says what the class is."""
     return documentation(cls).partition("\n")[0]

@@ -1,4 +1,4 @@
-"""Errors that a user can mend: one clear line that says what, the rule, the value and the nearest valid name."""
+"""Errors that a user can fix: one clear line with the name, the rule, the value and the nearest valid name."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -6,14 +6,14 @@ from pathlib import Path
 
 
 class InputError(ValueError):
-    """Anything a user can fix: a study, an option, a file. Its text is one line; the command line exits with 2."""
+    """An error that a user can fix, in a study, an option or a file. Its text is one line; the exit code is 2."""
 
 
 class CannotWrite(InputError):
-    """A file that cannot be written: a full disk, a folder that may only be read.
+    """A file cannot be written: for example, the disk is full or the folder is read-only.
 
     Attributes:
-        path: of the file.
+        path: the path of the file.
     """
 
     def __init__(self, path: Path, reason: str) -> None:
@@ -22,7 +22,7 @@ class CannotWrite(InputError):
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """A hint for an unknown name: "; did you mean 'kurt'?", or the valid names when none is near."""
+    """A hint for an unknown name: "; did you mean 'kurt'?", or all valid names if none is similar."""
     names = sorted(known)
     by_lower = {known_name.lower(): known_name for known_name in names}
     close = get_close_matches(str(name).lower(), by_lower, n=1, cutoff=0.5)
@@ -32,12 +32,16 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def called(value: object) -> str:
-    """A value of a wrong type in a few words: text and numbers as they are, all else by its class."""
+    """A value of a wrong type in a few words: text and numbers themselves, other values by their class."""
     return repr(value) if isinstance(value, str | int | float | None) else f"a {type(value).__name__}"
 
 
 def check_call(function: str, **arguments: tuple[object, type]) -> None:
-    """InputError where one of the arguments, each a value and its class, is something else: what to write instead."""
+    """Raise InputError if an argument does not have its class; the error says what to write instead.
+
+    Args:
+        arguments: by name, the value and the class that it must have.
+    """
     for name, (value, wanted) in arguments.items():
         if not isinstance(value, wanted):
             example = value if isinstance(value, str) else "..."
@@ -48,4 +52,4 @@ def check_call(function: str, **arguments: tuple[object, type]) -> None:
 
 
 class MethodError(RuntimeError):
-    """A plug-in broke the shade interface: wrong shape or dtype, or radiance that is not finite."""
+    """A plug-in broke its interface: for example, a wrong shape or dtype, or radiance that is not finite."""

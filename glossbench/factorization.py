@@ -1,14 +1,15 @@
 """Homomorphic factorization: a positive function as a product of maps, by least squares on its logarithm.
 
-log f(x_s) ~ sum over j of log t_j(pi_j(x_s)): each sample s reads each map t_j at one place, between its texels by
-bilinear weights, which is a row of a sparse matrix A_j. Where no sample looks, a Laplacian L_j keeps a map smooth:
+log f(x_s) ~ sum over j of log t_j(pi_j(x_s)): each sample s reads each map t_j at one place, with bilinear weights of
+the texels around it. These weights are a row of a sparse matrix A_j. A Laplacian L_j keeps a map smooth where no sample
+reads it:
 
     [ A_1 ... A_J ]                [ log f ]
     [ lambda L_1  ]  log t   =     [ 0     ]
     [       ...   ]                [ ...   ]
 
-Any map of texels does (faces of a cube, a paraboloid, a table of angles): it is its rows and its Laplacian. The
-channels of f share the matrix.
+Any map of texels can be used (faces of a cube, a paraboloid, a table of angles): only its rows and its Laplacian
+matter. The channels of f share the matrix.
 
 Source: McCool et al. 2001, sections 4 and 5; Latta and Kolb 2002, section 3.1, eq. 8.
 """
@@ -33,9 +34,9 @@ class FactorMap:
     """One map of T texels as S samples read it.
 
     Attributes:
-        rows: (U, T) sparse: weights of the texels, of a sum of 1 a row. See `weight_rows`.
+        rows: (U, T) sparse: weights of the texels; each row has the sum 1. See `weight_rows`.
         laplacian: (T, T) sparse, 0 for a constant map. See `grid_laplacian`.
-        of_sample: (S,) the row of each sample, where several samples look at one place; by default U = S in order.
+        of_sample: (S,) the row of each sample, if several samples read one place; by default sample s has row s.
     """
 
     rows: csr_array
@@ -43,12 +44,12 @@ class FactorMap:
     of_sample: NDArray[np.int64] | None = None
 
     def read(self, values: Floats) -> Floats:
-        """What each sample reads of a map (T, C): (S, C)."""
+        """The values (S, C) that the samples read from a map (T, C)."""
         read: Floats = self.rows @ values
         return read if self.of_sample is None else read[self.of_sample]
 
     def gathered(self, samples: Floats) -> Floats:
-        """The transpose of `read`: sums of (S, C) over the samples that look at a texel, weighted, (T, C)."""
+        """The transpose of `read`: for each texel, the weighted sum of (S, C) over the samples that read it, (T, C)."""
         sums: Floats = self.rows.T @ (samples if self.of_sample is None else self._shared.T @ samples)
         return sums
 
@@ -67,11 +68,12 @@ class FactorMap:
 
 @dataclass(frozen=True)
 class Factors:
-    """What the factorization found.
+    """The result of a factorization.
 
     Attributes:
-        logs: log t_j of each map, (T_j, C). A constant that one map gains and another loses changes nothing.
-        iterations: of the solver.
+        logs: log t_j of each map, (T_j, C). Adding a constant to one map and subtracting it from another one does not
+            change the product.
+        iterations: the number of iterations of the solver.
     """
 
     logs: tuple[Floats, ...]
@@ -79,10 +81,10 @@ class Factors:
 
 
 def weight_rows(texels: ArrayLike, weights: ArrayLike, n_texels: int) -> csr_array:
-    """Rows (S, T) of a map from texel indices (S, K) and their weights (S, K); one texel may stand there twice.
+    """Rows (S, T) of a map from texel indices (S, K) and their weights (S, K); a row may name one texel twice.
 
     Raises:
-        InputError: an index is no texel.
+        InputError: an index is not that of a texel.
     """
     index, values = np.asarray(texels), np.asarray(weights, dtype=np.float64)
     if index.size and not 0 <= index.min() <= index.max() < n_texels:
@@ -94,7 +96,10 @@ def weight_rows(texels: ArrayLike, weights: ArrayLike, n_texels: int) -> csr_arr
 
 
 def grid_rows(row: ArrayLike, column: ArrayLike, shape: tuple[int, int]) -> csr_array:
-    """Bilinear rows (S, H W) at places of an image (H, W) in texels, centres at half-integers; clamped at its rim."""
+    """Bilinear rows (S, H W) at places of an image (H, W), clamped at its rim.
+
+    Places are in texels; the centres of texels are at half-integers.
+    """
     taps = []
     for place, size in zip((row, column), shape, strict=True):
         x = np.clip(np.asarray(place, dtype=np.float64) - 0.5, 0, size - 1)
@@ -107,14 +112,17 @@ def grid_rows(row: ArrayLike, column: ArrayLike, shape: tuple[int, int]) -> csr_
 
 
 def grid_laplacian(shape: tuple[int, int]) -> csr_array:
-    """Laplacian (H W, H W) of an image: sum of (texel - neighbour) over its neighbours, four, and fewer at the rim."""
+    """Laplacian (H W, H W) of an image: the sum of (texel - neighbour) over its four neighbours, fewer at the rim."""
     index = np.arange(shape[0] * shape[1]).reshape(shape)
     pairs = [(index[1:], index[:-1]), (index[:, 1:], index[:, :-1])]
     return neighbour_laplacian(np.concatenate([np.stack([a.ravel(), b.ravel()], 1) for a, b in pairs]), index.size)
 
 
 def neighbour_laplacian(pairs: NDArray[np.int64], n_texels: int) -> csr_array:
-    """Laplacian (T, T) of neighbours given as pairs (K, 2), each once: their number on the diagonal, -1 for each."""
+    """Laplacian (T, T) from pairs of neighbours (K, 2), each pair once.
+
+    The diagonal holds the number of neighbours of a texel; the entry of each pair is -1.
+    """
     a, b = pairs.T
     rows, columns = np.concatenate([a, b, a, b]), np.concatenate([b, a, a, b])
     values = np.repeat([-1.0, 1.0], 2 * len(pairs))
@@ -122,13 +130,13 @@ def neighbour_laplacian(pairs: NDArray[np.int64], n_texels: int) -> csr_array:
 
 
 def average_start(log_f: Floats, maps: Sequence[FactorMap]) -> list[Floats]:
-    """Maps (T, C) to start from: what the samples that look at a texel have on average, weighted.
+    """Maps (T, C) to start from: for each texel, the weighted mean of the samples that read it.
 
-    Of J maps each leaves (J - 1) / J of the mean of all samples to the others, so that the product has the right
-    level. A texel at which no sample looks takes the mean of its neighbours, from the nearest ones outwards.
+    From each of J maps, (J - 1) / J of the mean of all samples is subtracted, so that the product has the right level.
+    A texel that no sample reads gets the mean of its known neighbours, starting with texels next to known ones.
 
-    Source: Latta and Kolb 2002, section 3.1. Differs: the level; neighbours, where it weighs the nearest samples by
-    the inverse of their distance.
+    Source: Latta and Kolb 2002, section 3.1. Differs: the level; the neighbours, where the paper weights the nearest
+    samples by the inverse of their distance.
     """
     level = log_f.mean(0) * (1 - 1 / len(maps))
     starts = []
@@ -141,7 +149,10 @@ def average_start(log_f: Floats, maps: Sequence[FactorMap]) -> list[Floats]:
 
 
 def _spread(values: Floats, known: NDArray[np.bool_], laplacian: csr_array) -> Floats:
-    """Values of unknown texels from their known neighbours, ring by ring; what no known texel reaches gets the mean."""
+    """Values of unknown texels from their known neighbours, ring by ring.
+
+    Texels that are not connected to a known texel get the mean of the known texels.
+    """
     beside = csr_array(laplacian.copy())
     beside.setdiag(0)
     beside.eliminate_zeros()
@@ -167,18 +178,19 @@ def factorize(
     max_iterations: int = 500,
     start: Sequence[Floats] | None = None,
 ) -> Factors:
-    """The maps whose product is nearest to f in the logarithm: least sum of |A log t - log f|^2 + |lambda L log t|^2.
+    """The maps whose product is nearest to f in the logarithm: they minimize |A log t - log f|^2 + |lambda L log t|^2.
 
     Args:
         log_f: (S, C).
-        smoothness: lambda, which weighs a Laplacian against samples: more samples want more of it.
-        solver: of the normal equations, square as QMR wants them: "qmr" (quasi-minimal residual) or "cg"; or "lsmr" of
-            the least squares themselves. All three in texels scaled by the diagonal of the normal equations.
-        tolerance: at which residual over that of a start from zero to stop; for "lsmr" of its own two tests.
+        smoothness: lambda, the weight of the Laplacian against the samples: with more samples it must be larger.
+        solver: "qmr" (quasi-minimal residual) or "cg" for the normal equations, which are square, as these need; or
+            "lsmr" for the least-squares problem itself. All three scale texels by the diagonal of the normal equations.
+        tolerance: the solver stops at this residual, relative to that of a start from zero; for "lsmr", the tolerance
+            of its own two tests.
         start: maps (T_j, C); by default `average_start`.
 
     Raises:
-        InputError: samples that are not finite, or of another number than the maps'.
+        InputError: a sample is not finite, or the number of samples differs from that of a map.
     """
     for j, one in enumerate(maps):
         n = one.rows.shape[0] if one.of_sample is None else len(one.of_sample)
@@ -194,7 +206,7 @@ def factorize(
 
 
 class _System:
-    """Eq. 8 in texels scaled to a diagonal of 1, for all channels at once."""
+    """Eq. 8 for all channels at once, with texels scaled so that the diagonal of the normal equations is 1."""
 
     def __init__(self, maps: Sequence[FactorMap], smoothness: float, n_channels: int) -> None:
         self.maps, self.smoothness = maps, smoothness
@@ -207,9 +219,9 @@ class _System:
     def solve(
         self, log_f: Floats, start: Floats, solver: Solver, tolerance: float, max_iterations: int
     ) -> tuple[Floats, int]:
-        """Logarithms of all texels (T, C), and the iterations."""
+        """Logarithms of all texels (T, C), and the number of iterations."""
         n = self.shape[0] * self.shape[1]
-        # The solver looks for what is missing from the start; its tolerance is that of a start from zero.
+        # The solver finds the difference from the start; its tolerance is relative to a start from zero.
         data = log_f - self._read(start)
         missing = self._gathered(data, [-self.smoothness * (m.laplacian @ x) for m, x in self._of_maps(start)])
         whole = self._gathered(log_f, [np.zeros((m.rows.shape[1], self.shape[1])) for m in self.maps])
@@ -241,7 +253,7 @@ class _System:
         return sum((m.read(x) for m, x in self._of_maps(values)), np.zeros(()))
 
     def _gathered(self, samples: Floats, smooth: Sequence[Floats]) -> Floats:
-        """Scaled texels (T, C): transpose of the whole matrix, of its sample rows and its Laplacian rows."""
+        """Scaled texels (T, C): transpose of the whole matrix, times values of its sample rows and Laplacian rows."""
         pairs = zip(self.maps, smooth, strict=True)
         return self.scale * np.concatenate(
             [m.gathered(samples) + self.smoothness * (m.laplacian.T @ x) for m, x in pairs]
@@ -249,7 +261,7 @@ class _System:
 
     def _normal(self, vector: Floats) -> Floats:
         """The normal equations' matrix times a vector."""
-        # It is symmetric: QMR asks for its product with one and the same vector twice, as matrix and as transpose.
+        # The matrix is symmetric: QMR asks for its product with the same vector twice, as matrix and as transpose.
         if self._last is not None and np.array_equal(self._last[0], vector):
             return self._last[1]
         values = self.scale * vector.reshape(self.shape)

@@ -1,4 +1,4 @@
-"""Files as bytes: small enough to be read, and known by their content."""
+"""Files as bytes: the check of their size before they are read, and the hash of their content."""
 
 import hashlib
 from functools import lru_cache
@@ -8,17 +8,17 @@ from glossbench.errors import InputError
 
 
 def require_size(path: Path, what: str, most: int) -> None:
-    """InputError for a file of more bytes than any that holds such a thing: it is refused before it is read."""
+    """Raise InputError before a file is read if it has more bytes than any file of its kind may have."""
     size = path.stat().st_size
     if size > most:
         raise InputError(f"{path}: {size} bytes, more than the {most} of any {what} that is read")
 
 
 def digest(path: Path, what: str, most: int) -> str:
-    """SHA-256 of a file's bytes, computed once for each size and time of change.
+    """SHA-256 of a file's bytes, computed again only if the size or the time of change differs.
 
     Raises:
-        InputError: see `require_size`, and for a file that cannot be read.
+        InputError: the file cannot be read, or is too large (see `require_size`).
     """
     try:
         require_size(path, what, most)

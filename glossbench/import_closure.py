@@ -1,4 +1,4 @@
-"""What a module is made of: its file, and the files that it imports, at any depth, of anyone and of glossbench."""
+"""The files that a module consists of: its own, and all that it imports at any depth, from plug-ins and glossbench."""
 
 import hashlib
 import sys
@@ -17,7 +17,10 @@ OWN = Path(__file__).resolve().parent
 
 @lru_cache(maxsize=4096)
 def is_installed(path: Path | None) -> bool:
-    """Whether a file or folder is of Python, of an installed distribution or of glossbench: versions tell of these."""
+    """Whether a file or folder belongs to Python, to an installed distribution or to glossbench.
+
+    Results name the versions of these, so their files need not be hashed one by one.
+    """
     if path is None:
         return False
     resolved = path.resolve()
@@ -28,9 +31,9 @@ def is_installed(path: Path | None) -> bool:
 
 
 def source_files(module: str, file: Path) -> dict[str, Path]:
-    """The files that decide what a module computes, by name: glossbench's own among them.
+    """The files that decide what a module computes, by module name, including files of glossbench.
 
-    Of a module of anyone these are `local_files`, and what those import of glossbench.
+    For a module outside glossbench these are `local_files`, and the files of glossbench that those import.
     """
     tree = source_tree.GLOSSBENCH
     if tree.has(module):
@@ -41,11 +44,11 @@ def source_files(module: str, file: Path) -> dict[str, Path]:
 
 
 def local_files(module: str, file: Path) -> dict[str, Path]:
-    """The files that a module is made of, by name: its own, its package's, and all that these import.
+    """The files that a module consists of, by module name: its own, those of its package, and all that these import.
 
-    An import is what the source says (`source_of`). It is looked for beside the module that imports, from the folder of
-    its outermost package, then in the places of sys.path; what is installed is left out. Data that a module reads are
-    not seen.
+    Imports are found in the source text (`source_of`). Each is looked for in the folder that holds the outermost
+    package of the importing module, then in the places of sys.path. Installed modules are left out. Data files that a
+    module reads are not found.
     """
     found = {module: file}
     depth = module.count(".") + (file.stem == "__init__")
@@ -66,7 +69,7 @@ def local_files(module: str, file: Path) -> dict[str, Path]:
 
 
 def hash_of(files: dict[str, Path]) -> str:
-    """SHA-256 of modules by name and content, wherever they lie."""
+    """SHA-256 of the names and contents of modules; it does not depend on their folders."""
     digest = hashlib.sha256()
     for name, path in sorted(files.items()):
         stat = path.stat()
@@ -75,7 +78,7 @@ def hash_of(files: dict[str, Path]) -> str:
 
 
 def _package(module: str, file: Path) -> str:
-    """The package that relative imports of a module start from."""
+    """The package at which relative imports of a module start."""
     return module if file.name.startswith("__init__.") else module.rpartition(".")[0]
 
 
@@ -86,7 +89,7 @@ def _name(path: Path, place: Path) -> str:
 
 
 def _resolved(name: str, root: Path) -> Iterator[tuple[str, Path]]:
-    """The files of a dotted name and of the packages that it is in, where they are not installed."""
+    """The files of a dotted name and of the packages that contain it, if they are not installed."""
     parts = name.split(".")
     if parts[0] in sys.stdlib_module_names or parts[0] == "glossbench":
         return
@@ -100,7 +103,7 @@ def _resolved(name: str, root: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _file_of(stem: Path) -> Path | None:
-    """The file of a module, or of a package, at a path without ending."""
+    """The file of a module or package, from its path without the ending; None if there is no such file."""
     candidates = [stem / "__init__.py", *(stem.with_name(stem.name + ending) for ending in ENDINGS)]
     return next((each for each in candidates if each.is_file() and not is_installed(each)), None)
 

@@ -1,4 +1,4 @@
-"""Memory: how much this process may still take, so that what would not fit is refused before it is allocated."""
+"""The memory that this process may still use, so that work that would not fit is refused before it is allocated."""
 
 import os
 from collections.abc import Iterator
@@ -6,12 +6,12 @@ from pathlib import Path
 
 from glossbench.errors import InputError
 
-_ALWAYS_FITS = 2**30  # bytes: not worth asking the system
+_ALWAYS_FITS = 2**30  # bytes; below this the system is not asked
 _CGROUPS = Path("/sys/fs/cgroup")
 
 
 def check_memory(what: str, n_bytes: int) -> None:
-    """InputError where something needs more memory than there is: what it is, what it needs, what there is."""
+    """Raise InputError if something needs more memory than is available; the error gives both numbers."""
     if n_bytes <= _ALWAYS_FITS:
         return
     there = available()
@@ -21,10 +21,10 @@ def check_memory(what: str, n_bytes: int) -> None:
 
 
 def available() -> int | None:
-    """Bytes that this process may still take; None where the system does not say.
+    """Bytes that this process may still use; None if the system does not say.
 
-    The least of what the machine has free or can free, of what the control groups leave (containers, batch systems)
-    and of what the limit on the address space leaves (ulimit -v).
+    It is the minimum of the memory that the machine has free or can free, of the memory that the control groups leave
+    (containers, batch systems), and of the address space that its limit leaves (ulimit -v).
     """
     return min((*_of_machine(), *_of_groups(), *_of_address_space()), default=None)
 
@@ -37,7 +37,7 @@ def _of_machine() -> Iterator[int]:
 
 
 def _of_groups() -> Iterator[int]:
-    """What each group leaves that this process is in, by version 2 and 1 of control groups."""
+    """Bytes that each control group of this process leaves, for versions 1 and 2 of control groups."""
     for line in _lines(Path("/proc/self/cgroup")):
         _, controllers, path = line.split(":", 2)
         if controllers not in ("", "memory"):
@@ -70,7 +70,7 @@ def _of_address_space() -> Iterator[int]:
 
 
 def _lines(path: Path) -> list[str]:
-    """Lines of a file of the system; none where it is not there."""
+    """Lines of a system file; an empty list if the file does not exist."""
     try:
         return path.read_text().splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""Options: frozen dataclasses whose annotations are their bounds, checked alike from YAML and from Python."""
+"""Options: frozen dataclasses whose annotations state the bounds. Values from YAML and Python get the same checks."""
 
 import dataclasses
 import json
@@ -20,7 +20,8 @@ def _spread(n: int) -> Any:
 def _power_of_two(n: int) -> int:
     if n & (n - 1):
         raise ValueError("must be a power of two")
-    # Measured 38 (constant) to 87 (sky) while a light is made; what methods make of it comes later, beside 12.
+    # Measured bytes per texel: 38 (constant) to 87 (sky) while a light is made. Methods allocate theirs later, when the
+    # light holds only 12.
     check_memory(f"a cube of 6 x {n} x {n} texels", 90 * 6 * n * n)
     return n
 
@@ -33,15 +34,15 @@ Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], _spread(3)]
 Width = Annotated[float, Field(gt=0, le=1)]  # of a microfacet distribution
 Widths = Annotated[tuple[Width, Width], _spread(2)]  # along t and b; a scalar is isotropic
 Resolution = Annotated[int, Field(ge=2, le=8192), AfterValidator(_power_of_two)]  # along the edge of a cube's face
-Seed = Annotated[int, Field(ge=0, lt=1 << 32)]  # times replicates and points it still fits the generators' 64 bits
+Seed = Annotated[int, Field(ge=0, lt=1 << 32)]  # multiplied by replicates and points, it fits the generators' 64 bits
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 class Options:
-    """Base of every configurable thing: a subclass becomes a frozen, keyword-only dataclass on its own.
+    """Base class of everything with options: each subclass becomes a frozen, keyword-only dataclass by itself.
 
     Each annotated attribute is an option; `Annotated[int, Field(ge=1)]` states a bound (pydantic's notation).
-    A value of the wrong type, out of bounds, or an unknown name raises InputError with one line.
+    A value of a wrong type, a value out of bounds or an unknown name raises InputError with one line.
 
     >>> class Blur(Options):
     ...     name = "blur"
@@ -72,7 +73,7 @@ class Options:
 
     @classmethod
     def create(cls, options: Mapping[str, Any]) -> Self:
-        """An instance from a mapping; unknown and missing names are errors with the nearest valid name."""
+        """An instance from a mapping. Raises InputError for a missing name, and for an unknown one with the nearest."""
         known = option_names(cls)
         for key in options:
             if key not in known:
@@ -93,22 +94,22 @@ class Options:
         return all(getattr(self, option.name) == option.default for option in dataclasses.fields(self))  # type: ignore[arg-type]
 
     def key(self) -> str:
-        """Text that changes whenever what the options mean may change: of a file, its bytes rather than its name."""
+        """Text that changes if the meaning of the options may change; a file counts by its bytes, not by its name."""
         return f"{self.name}:{json.dumps(self.as_dict(), sort_keys=True)}"
 
     @classmethod
     def file_of(cls, option: str, value: str) -> str | None:
-        """What kind of file a value of an option names ("image file"); None where it names none.
+        """The kind of file that a value of an option names ("image file"); None if the value does not name a file.
 
-        A study looks for such a file beside itself, too, and `validate` opens it.
+        A study looks for such a file also in its own folder, and `validate` opens it.
         """
         return None
 
     def open_files(self) -> None:
-        """Read what these options name; InputError for a file that cannot be read, or does not hold what it should."""
+        """Read the files that these options name. Raises InputError if one cannot be read or has wrong contents."""
 
     def notes(self) -> tuple[str, ...]:
-        """What whoever reads its numbers must know, a sentence each: what a file had repaired, how good a fit is."""
+        """Sentences that a reader of its numbers must know: for example, repairs of a file, or the error of a fit."""
         return ()
 
 
@@ -116,7 +117,7 @@ T = TypeVar("T", bound=Options)
 
 
 def copy_of(item: T) -> T:
-    """Equal options that nobody else holds, and that have read no file yet."""
+    """Equal options in a new object, which has not read a file yet."""
     return type(item).create(item.as_dict())
 
 
@@ -133,16 +134,16 @@ def check(cls: type[Options], option: str, value: Any) -> Any:
         first = error.errors()[0]
         where = "".join(f"[{part}]" for part in first["loc"] if isinstance(part, int))
         within = first.get("ctx", {}).get("error")
-        if isinstance(within, InputError):  # of an option that holds options itself
+        if isinstance(within, InputError):  # the option itself holds options
             raise InputError(f"{cls.name or cls.__name__}.{option}{where}: {within}") from None
         raise InputError(f"{cls.name or cls.__name__}.{option}{where} {rule_of(first)}") from None
 
 
 def _adapters(cls: type[Options]) -> dict[str, TypeAdapter[Any]]:
-    """What checks each option; made once a class and kept in it."""
+    """The checks of all options, made once per class and stored in it."""
     if "_checks" not in vars(cls):
         hints = get_type_hints(cls, include_extras=True)
-        # Strict, so that "40" and true are no numbers; lists are wanted as tuples, hence the one conversion.
+        # Strict, so that "40" and true are not accepted as numbers. Lists become tuples; this is the only conversion.
         annotated: dict[str, Any] = {key: Annotated[hints[key], BeforeValidator(_tuples)] for key in option_names(cls)}
         cls._checks = {key: TypeAdapter(hint, config={"strict": True}) for key, hint in annotated.items()}
     return cls._checks

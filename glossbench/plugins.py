@@ -1,4 +1,4 @@
-"""Plug-ins: modules of anyone, which register what they bring when they are imported."""
+"""Plug-ins: modules from outside glossbench, which register their classes when they are imported."""
 
 import importlib
 import sys
@@ -10,22 +10,24 @@ from types import ModuleType
 from glossbench.errors import InputError
 from glossbench.import_closure import hash_of, is_installed, local_files
 
-SOURCE = "__source_hash__"  # of a loaded plug-in: what its files were then
+SOURCE = "__source_hash__"  # attribute of a loaded plug-in: the hash of its files at that time
 
 
 class NoSuchModule(InputError):
-    """A name that no folder nor installed distribution has a module of."""
+    """No folder and no installed distribution has a module of this name."""
 
 
 def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
-    """A module by its dotted name: one of a folder, such as the study's, else of the working folder, else installed.
+    """Import a module by its dotted name: from `folder` (such as the study's), the working folder, or as installed.
 
-    Both folders come behind what is installed on sys.path, for what the plug-in imports itself. A plug-in whose files
-    changed is loaded again, and so is what another study of this process has under the same names from elsewhere.
+    The module is looked for in this order. Both folders are put on sys.path after installed distributions, for the
+    imports of the plug-in itself. A plug-in is loaded again if its files changed, or if another study of this process
+    loaded a module of the same name from another place.
 
     Raises:
-        NoSuchModule: with where it was looked for.
-        InputError: a file of these folders has the name of a module of Python, or of an installed one that is loaded.
+        NoSuchModule: no such module; the error says where it was looked for.
+        InputError: a file of these folders has the name of a module of Python, or of an installed module that is
+            loaded already.
     """
     places = list(dict.fromkeys([*([folder] if folder else []), Path.cwd()]))
     _put_on_path(places)
@@ -37,7 +39,7 @@ def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is None or not f"{name}.".startswith(f"{error.name}."):
-            raise  # of something else that the plug-in imports
+            raise  # another module, which the plug-in imports, is missing
         where = " nor ".join(map(str, places))
         told = (
             f"not in {where}, nor installed" if spec is None else f"{top} is {spec.origin}, which has none of this name"
@@ -46,12 +48,12 @@ def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
 
 
 def origin(name: str) -> str:
-    """The file of a plug-in that is loaded."""
+    """The file of a loaded plug-in."""
     return str(getattr(sys.modules.get(name), "__file__", None) or "no file")
 
 
 def _put_on_path(places: list[Path]) -> None:
-    """Behind what is installed and what stands before it, ahead of folders of other studies."""
+    """Put folders on sys.path: after all installed distributions, and before folders of other studies."""
     at = 1 + max((i for i, place in enumerate(sys.path) if place and is_installed(Path(place))), default=-1)
     for place in reversed([str(place) for place in places]):
         if place not in sys.path[:at]:
@@ -59,14 +61,14 @@ def _put_on_path(places: list[Path]) -> None:
 
 
 def _spec(top: str, place: Path) -> ModuleSpec | None:
-    """How a module of a folder is loaded, if the folder has a file or package of this name."""
+    """The import specification of a module in a folder; None if the folder does not have a module of this name."""
     PathFinder.invalidate_caches()
     spec = PathFinder.find_spec(top, [str(place)])
     return spec if spec is not None and spec.has_location else None
 
 
 def _load(top: str, spec: ModuleSpec) -> None:
-    """Put the module or package of a folder in sys.modules, unless it is there as its files are now."""
+    """Load a module or package of a folder into sys.modules, unless it is there already with unchanged files."""
     file = Path(spec.origin or "")
     if is_installed(file):
         return

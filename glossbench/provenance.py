@@ -1,4 +1,4 @@
-"""Provenance: the versions, the source and the machine that results come from."""
+"""Provenance: the versions, the source and the machine that produced results."""
 
 import hashlib
 import os
@@ -19,15 +19,15 @@ from glossbench import source_tree
 from glossbench.import_closure import hash_of, source_files
 from glossbench.source_imports import Imported
 
-version = cache(metadata.version)  # which reads a file
+version = cache(metadata.version)  # cached, because metadata.version reads a file
 
-# What computes and decodes beside glossbench itself: with another version of these, every cell is new.
+# Libraries that compute and decode for glossbench: with another version of one of them, every cell is new.
 COMPUTING = ("torch", "scipy", "scikit-image", "flip-evaluator", "OpenImageIO", "trimesh", "embreex")
 
 
 @cache
 def code_hash(*modules: str) -> str:
-    """SHA-256 of the import closure of modules of glossbench, and of the versions of what computes and decodes."""
+    """SHA-256 of the import closure of modules of glossbench, and of the versions of the libraries in `COMPUTING`."""
     closure = source_tree.GLOSSBENCH.closure(map(Imported, modules))
     return hashlib.sha256(" ".join([hash_of(closure), *map(version, COMPUTING)]).encode()).hexdigest()
 
@@ -35,8 +35,8 @@ def code_hash(*modules: str) -> str:
 def source_hash(cls: type) -> str:
     """SHA-256 of the source of a class and its bases: of their modules, and of all that these import.
 
-    What a plug-in imports counts where it is not installed, and where it is of glossbench: see `source_files`. A class
-    without a file, as of a notebook, hashes to something new in each process: its cells are never taken for others.
+    The imports of a plug-in count if they are not installed or if they belong to glossbench: see `source_files`. A
+    class without a file, such as one from a notebook, gets a new hash in each process, so its cells are never reused.
     """
     files: dict[str, Path] = {}
     for base in cls.__mro__:
@@ -89,7 +89,7 @@ def system_information() -> dict[str, Any]:
 
 @cache
 def processor() -> str:
-    """The processor's name, as the system tells it."""
+    """The processor's name, as reported by the system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
@@ -100,7 +100,12 @@ def processor() -> str:
 def provenance(
     device: str, started: datetime, source: str, plugins: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, Any]:
-    """Where results come from: `source` is the hash of what measured, `plugins` has the file of each plug-in."""
+    """The origin of results.
+
+    Args:
+        source: hash of the code that measured them.
+        plugins: the file of each plug-in, by name.
+    """
     return {
         **system_information(),
         "device": device,

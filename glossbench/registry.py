@@ -19,13 +19,15 @@ T = TypeVar("T", bound=Options)
 class Registry(Generic[T]):
     """Classes of one kind by name.
 
-    A class registers with `@METHODS.register("name")`. When the first name is asked for, `home` is imported (each
-    module of it, if it is a package), then every entry point of `group` that an installed distribution declares:
-    it names a module, or a class in one, whose import registers. A thread that asks meanwhile imports the same, which
-    Python lets one thread do for all; an import that is interrupted is begun again by whoever asks next.
+    A class registers with `@METHODS.register("name")`. The first request for a name imports `home` (each of its
+    modules, if it is a package), then every entry point of `group` that an installed distribution declares. An entry
+    point names a module, or a class in a module, whose import registers classes. Another thread that makes a request
+    meanwhile imports the same; Python lets one thread do this for all. After an interrupted import, the next request
+    starts it again.
 
     Args:
-        elsewhere: what else has a name that is not registered, as the end of a message; empty where nothing has.
+        elsewhere: for a name that is not registered, the end of a message that says what else has this name; empty if
+            nothing has it.
     """
 
     every: ClassVar[list["Registry[Any]"]] = []
@@ -41,7 +43,7 @@ class Registry(Generic[T]):
         self._discovering = threading.local()
 
     def register(self, name: str) -> Callable[[type[T]], type[T]]:
-        """Class decorator: the class answers to `name` from now on."""
+        """Class decorator: registers the class under `name`."""
 
         def add(cls: type[T]) -> type[T]:
             taken = self._classes.get(name)
@@ -61,7 +63,7 @@ class Registry(Generic[T]):
         return sorted(self._classes)
 
     def get(self, name: str) -> type[T]:
-        """The class behind a name; InputError with the nearest name when there is none."""
+        """The class of a name. Raises InputError with the nearest name if the name is not registered."""
         self._discover()
         if not isinstance(name, str):
             made = "; it is made already: use it as it is" if isinstance(name, Options) else ""
@@ -72,15 +74,15 @@ class Registry(Generic[T]):
         return self._classes[name]
 
     def unknown(self, name: str) -> str:
-        """The message for an unknown name: what has this name elsewhere, or the nearest registered name."""
+        """The message for an unknown name: it says what else has this name, or gives the nearest registered name."""
         return f"unknown {self.kind} {name!r}{self._elsewhere(name) or nearest(name, self.names())}"
 
     @contextmanager
     def isolated(self, only: Iterable[type[T]] | None = None) -> Iterator[None]:
-        """A block whose registrations end with it: after it, the names and their classes are those of before.
+        """A block whose registrations end with it: after it, the registry has the same names and classes as before.
 
         Args:
-            only: the classes that are registered when the block begins; all that were registered before it, by default.
+            only: the classes that are registered at the start of the block; by default all that are registered.
         """
         self._discover()
         before = self._classes
@@ -95,7 +97,8 @@ class Registry(Generic[T]):
         return self.get(name).create(options)
 
     def _discover(self) -> None:
-        if self._discovered or getattr(self._discovering, "is_under_way", False):  # a module that is imported may ask
+        # A module may ask for a name while it is imported.
+        if self._discovered or getattr(self._discovering, "is_under_way", False):
             return
         self._discovering.is_under_way = True
         try:
@@ -112,8 +115,8 @@ class Registry(Generic[T]):
             known = set(self._classes)
             try:
                 point.load()
-            except (Exception, SystemExit) as error:  # another distribution's fault must not take every command with it
-                for name in set(self._classes) - known:  # of a module that is not there after all
+            except (Exception, SystemExit) as error:  # a fault of another distribution must not stop every command
+                for name in set(self._classes) - known:  # remove classes of a module whose import failed
                     if self._classes[name].__module__ not in sys.modules:
                         del self._classes[name]
                 first = (str(error).splitlines() or [""])[0]

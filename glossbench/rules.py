@@ -1,4 +1,4 @@
-"""What pydantic says of a wrong value, in our words: the rule, the value, and what to write instead."""
+"""Messages of pydantic about a wrong value, in our words: the rule, the value, and what to write instead."""
 
 import re
 from collections.abc import Mapping
@@ -17,18 +17,18 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
 def rule_of(error: Mapping[str, Any]) -> str:
-    """ "must be a valid integer, got '4, 8'": of one error of a pydantic ValidationError."""
+    """The rule and the value of one error of a pydantic ValidationError: "must be a valid integer, got '4, 8'"."""
     rule = error["msg"]
     for pattern, word in _WORDS:
         rule = re.sub(pattern, word, rule, count=1)
-    got = " ".join(repr(error["input"]).split())  # an array spans lines
+    got = " ".join(repr(error["input"]).split())  # one line: the text of an array has several
     if isinstance(error["input"], dict) and len(got) > LONGEST:
         got = ""
     return f"{rule}, got {got}" if got else rule
 
 
 def instead(rule: str, value: Any) -> str:
-    """What to write in a file instead of a value that breaks a rule; nothing where that cannot be guessed."""
+    """What to write in a file instead of a value that breaks a rule; empty if this cannot be guessed."""
     if "a valid list" in rule and isinstance(value, dict):
         return "; begin each of its entries with a dash"
     if "a valid list" in rule and re.fullmatch(r"[\w.]+( *, *[\w.]+)*", str(value)) and value is not None:
@@ -47,7 +47,7 @@ def instead(rule: str, value: Any) -> str:
 
 
 def _number_instead(text: str) -> str:
-    """What to write instead of text where a number is wanted."""
+    """What to write instead of text where a number is required."""
     parts = [part.strip() for part in text.strip("[]()").split(",")]
     if re.fullmatch(r"[-+]?\d+,\d+", text):
         return f"; a number has a point, {text.replace(',', '.')}, and a list brackets, [{', '.join(parts)}]"

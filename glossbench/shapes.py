@@ -1,8 +1,8 @@
-"""Types of arrays: kind and shape, as signatures state them and as the tests check them.
+"""Types of arrays: kind and shape. Signatures state them, and the tests check them.
 
-A word in a shape stands for one size, the same everywhere in one signature. `*pairs` stands for any number of sizes,
-`*#pairs` for sizes that broadcast to them: what depends on the point alone is (P, 1), what depends on the sample alone
-is (1, N), and a value for each pair is (P, N).
+A word in a shape stands for one size, which is the same everywhere in one signature. `*pairs` stands for any number of
+sizes, `*#pairs` for sizes that broadcast to them: a value that depends only on the point is (P, 1), one that depends
+only on the sample is (1, N), and one for each pair is (P, N).
 """
 
 import numpy as np
@@ -12,18 +12,18 @@ from torch import Tensor
 
 from glossbench.directions import Vec3
 
-# Of pairs of directions.
+# For pairs of directions.
 Directions = Float[Vec3, "*#pairs"]
 Values = Float[Tensor, "*#pairs"]
 Choices = Bool[Tensor, "*#pairs"]
 PairDirections = Float[Vec3, "*pairs"]
 PairValues = Float[Tensor, "*pairs"]
 
-# Of a lobe or a material.
+# For a lobe or a material.
 Scalar = Float[Tensor, ""]
 UnitSquare = Float[Tensor, "samples 2"]  # points of it
 
-# Of all points of a view, or of a list of directions.
+# For all points of a view, or a list of directions.
 PointDirections = Float[Vec3, "points"]
 Albedo = Float64[Tensor, "points 3"]
 Radiance = Float[Tensor, "points 3"]
@@ -31,16 +31,16 @@ Irradiance = Float64[Tensor, "points 3"]
 Rays = Float[Vec3, "rays"]
 Seen = Bool[Tensor, "rays"]
 
-# Of images.
+# For images.
 Picture = Float[Tensor, "height width 3"]
 Mask = Bool[Tensor, "height width"]
 Faces = Float[Tensor, "6 edge edge 3"]
 
-# Of metrics, which calculate with numpy in double precision.
+# For metrics, which calculate with numpy in double precision.
 Colours = Float64[NDArray[np.float64], "height width 3"]
 ErrorMap = Float64[NDArray[np.float64], "height width"]
 Errors = Float64[NDArray[np.float64], "pixels"]
 Masked = Bool[NDArray[np.bool_], "height width"]
 
-# Of tables of texels.
+# For tables of texels.
 Texels = Float32[Tensor, "texels 3"]

@@ -1,4 +1,4 @@
-"""What the source of a file imports, as it says: no file is run for it."""
+"""The imports in the source of a file. They are read from the text; the file is not run."""
 
 import ast
 from collections.abc import Iterable, Iterator
@@ -10,23 +10,23 @@ CALLS = ("import_module", "__import__")
 
 
 class Imported(NamedTuple):
-    """A module, or a name that is taken from it, which may be a module too; the name is empty for the module itself."""
+    """An imported module, or a name imported from it, which may be a module too; the name is empty for the module."""
 
     module: str
     name: str = ""
 
     @property
     def dotted(self) -> str:
-        """Both as one dotted name."""
+        """Module and name as one dotted name."""
         return f"{self.module}.{self.name}".strip(".")
 
 
 class Source(NamedTuple):
-    """What a file imports, at any depth of its code.
+    """The imports of a file, at any depth of its code.
 
     Attributes:
-        imports: all but those under `if TYPE_CHECKING`.
-        names: what imports outside of functions and classes bind, those under `if TYPE_CHECKING` too.
+        imports: all imports except those under `if TYPE_CHECKING`.
+        names: the names that imports outside of functions and classes bind, including those under `if TYPE_CHECKING`.
     """
 
     imports: tuple[Imported, ...]
@@ -34,10 +34,10 @@ class Source(NamedTuple):
 
 
 def source_of(file: Path, package: str) -> Source:
-    """The imports of a file of this package; none of a file that is not Python, or that cannot be parsed.
+    """The imports of a file of this package; empty if the file is not Python or cannot be parsed.
 
-    `import a.b`, `from a import b`, relative ones, those inside functions, and a literal name handed to import_module
-    are seen; a name that is computed is not.
+    It finds `import a.b`, `from a import b`, relative imports, imports inside functions, and literal names that are
+    passed to import_module. It does not find computed names.
     """
     stat = file.stat()
     return _source_of(file, package, stat.st_size, stat.st_mtime_ns)
@@ -60,7 +60,10 @@ def _source_of(file: Path, package: str, size: int, time: int) -> Source:
 
 
 def _statements(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
-    """All statements but those under `if TYPE_CHECKING`. Expressions hold none, so most of the tree is not walked."""
+    """All statements except those under `if TYPE_CHECKING`.
+
+    Expressions do not contain statements, so most of the tree is not visited.
+    """
     for node in body:
         if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
             yield from _statements(node.orelse)
@@ -77,7 +80,7 @@ def _outermost(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
 
 
 def _bound(node: ast.AST, package: str) -> Iterator[tuple[str, Imported]]:
-    """What an import statement binds, by name."""
+    """The names that an import statement binds, and what they mean."""
     if isinstance(node, ast.Import):
         for alias in node.names:
             yield alias.asname or alias.name.partition(".")[0], Imported(alias.name)
@@ -89,7 +92,7 @@ def _bound(node: ast.AST, package: str) -> Iterator[tuple[str, Imported]]:
 
 
 def _called(tree: ast.AST) -> Iterator[Imported]:
-    """Literal names handed to import_module."""
+    """Literal names that are passed to import_module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in CALLS:
             literal = [arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant)]

@@ -1,4 +1,4 @@
-"""The modules of glossbench as they lie on disk, and which of them a module needs: its import closure."""
+"""The modules of glossbench on disk, and those that a given module needs: its import closure."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -9,11 +9,12 @@ from glossbench.source_imports import Imported, source_of
 
 
 class SourceTree:
-    """The modules of one package, each read once, when it is first asked for.
+    """The modules of one package. Each module is read once, at its first use.
 
     Args:
-        name: of the package.
-        folder: where it lies; a package of it that lies elsewhere, as `methods` in a checkout, is found as Python does.
+        name: name of the package.
+        folder: folder of the package. A subpackage in another folder, such as `methods` in a checkout, is found with
+            Python's import system.
     """
 
     def __init__(self, name: str, folder: Path) -> None:
@@ -22,14 +23,15 @@ class SourceTree:
         self._needed: dict[str, tuple[str, ...]] = {}
 
     def has(self, module: str) -> bool:
-        """Whether a module is of the package, by its name."""
+        """Whether a module belongs to the package, by its name."""
         return module == self._name or module.startswith(f"{self._name}.")
 
     def closure(self, starts: Iterable[Imported]) -> dict[str, Path]:
-        """The files of what is imported, and of all that these import, at any depth, by the names of their modules.
+        """The files of the imported modules and of all that these import, at any depth, by the names of the modules.
 
-        The first file of a package counts where it defines what is taken from it. Where it only hands a name on, the
-        module that defines the name counts in its place: else all that a package hands on would belong to each user.
+        The `__init__.py` of a package counts if it defines the imported name. If it only imports the name from another
+        module, that module counts instead: otherwise each user of one name would depend on everything that the package
+        imports.
         """
         found: dict[str, Path] = {}
         waiting = [module for start in starts if self.has(start.module) for module in self._defining(start)]
@@ -48,7 +50,7 @@ class SourceTree:
         return self._needed[module]
 
     def _defining(self, imported: Imported) -> Iterator[str]:
-        """The modules that an import takes something from."""
+        """The modules that define what an import names."""
         module, name = imported
         file = self._file(module)
         names = source_of(file, module).names if file and file.stem == "__init__" else {}
@@ -58,7 +60,7 @@ class SourceTree:
             yield from self._defining(Imported(imported.dotted))
         else:
             yield module
-            if not name:  # all of a package may be used
+            if not name:  # every name of the package may be used
                 handed_on = [each for each in names.values() if self.has(each.module) and each != imported]
                 yield from (defining for each in handed_on for defining in self._defining(each))
 

@@ -1,4 +1,4 @@
-"""The curve of sRGB, IEC 61966-2-1: from light to what a display is sent, and back; values in [0, 1]."""
+"""The sRGB curve, IEC 61966-2-1: from linear light to the encoded value for a display, and back. Values in [0, 1]."""
 
 import numpy as np
 from numpy.typing import NDArray

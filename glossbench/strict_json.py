@@ -1,6 +1,6 @@
-"""JSON that every reader takes, and that knows whether it is whole.
+"""JSON that every reader accepts, with an optional checksum that shows whether it is complete.
 
-Standard JSON has no NaN and no infinity: they are null and the texts "Infinity" and "-Infinity".
+Standard JSON has neither NaN nor infinity: they are written as null and as the texts "Infinity" and "-Infinity".
 """
 
 import json
@@ -13,17 +13,17 @@ _CHECKSUM = "sha256"
 
 
 def dumps(data: Any, **options: Any) -> str:
-    """Standard JSON of some data; `options` are those of json.dumps."""
+    """Data as standard JSON; `options` are those of json.dumps."""
     return json.dumps(_standard(data), allow_nan=False, **options)
 
 
 def loads(text: str | bytes) -> Any:
-    """What `dumps` wrote, with its infinities; what was not a number is None."""
+    """The data that `dumps` wrote, with infinities restored; NaN becomes None."""
     return _infinite(json.loads(text))
 
 
 def numbers(data: dict[str, Any]) -> dict[str, Any]:
-    """A flat mapping as it was before `dumps`: what is null was not a number."""
+    """A flat mapping as it was before `dumps`: None becomes NaN, and infinities are restored."""
     return {
         key: float("nan") if value is None else _INFINITE.get(value, value) if isinstance(value, str) else value
         for key, value in data.items()
@@ -31,13 +31,17 @@ def numbers(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def sealed(data: dict[str, Any]) -> str:
-    """JSON of a mapping, with a checksum of the rest as its last key."""
+    """A mapping as JSON, whose last key is a checksum of the rest."""
     standard = _standard(data)
     return json.dumps(standard | {_CHECKSUM: _checksum(standard)}, indent=1, allow_nan=False)
 
 
 def unsealed(text: str | bytes) -> dict[str, Any]:
-    """What was sealed; ValueError where it is not as it was. Without a checksum, as older files are, any mapping."""
+    """The mapping that `sealed` wrote. Older files do not have a checksum; their mapping is not checked.
+
+    Raises:
+        ValueError: the text is not a mapping, or does not agree with its checksum.
+    """
     data = json.loads(text)
     if not isinstance(data, dict):
         raise ValueError("not a mapping")

@@ -1,4 +1,4 @@
-"""Tone curves: from radiance to what a display can show, [0, 1], before the sRGB curve."""
+"""Tone curves: from radiance to the range of a display, [0, 1], before the sRGB curve."""
 
 from math import sqrt
 
@@ -21,13 +21,13 @@ def aces(x: Floats) -> Floats:
 
 
 def where_aces_is(y: float) -> float:
-    """The x at which `aces` is y, for y below 1."""
+    """The inverse of `aces`: the x with aces(x) = y, for y below 1."""
     a, b, c = A - y * C, B - y * D, -y * E
     return (-b + sqrt(b * b - 4 * a * c)) / (2 * a)
 
 
 def reinhard(x: Tensor) -> Tensor:
-    """x / (1 + Y), Y the luminance of x (..., 3): colours keep their ratios, and what is beyond 1 is clipped.
+    """x / (1 + Y), Y the luminance of x (..., 3): colours keep their ratios, and values above 1 are clipped.
 
     Source: Reinhard et al. 2002, eq. 3.
     """

@@ -1,4 +1,4 @@
-"""Files that are read twice, for what they hold and for their hash, and must be the same both times."""
+"""Files that are read twice, for their contents and for their hash, and must not change in between."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ from glossbench.errors import InputError
 
 @contextmanager
 def unchanged(path: Path) -> Iterator[None]:
-    """InputError if the file is replaced or written to meanwhile."""
+    """Raise InputError if the file is replaced or written to during the block."""
     before = _identity(path)
     yield
     if _identity(path) != before:
@@ -19,6 +19,6 @@ def unchanged(path: Path) -> Iterator[None]:
 def _identity(path: Path) -> tuple[int, ...]:
     try:
         stat = path.stat()
-    except OSError:  # whoever reads it says so
+    except OSError:  # the function that reads the file reports this error
         return ()
     return stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns

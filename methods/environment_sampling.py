@@ -1,4 +1,4 @@
-"""Environment sampling: the light as N directional lights, drawn by luminance."""
+"""Environment sampling: the light as N directional lights, drawn in proportion to luminance."""
 
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -42,13 +42,13 @@ class DirectionalLights(NamedTuple):
 class EnvironmentSampling(Method):
     """Lo ~ (1/N) sum of f(wo, wi) cos_i L(wi) / p(wi), wi drawn in proportion to luminance, the same at every pixel.
 
-    Good for rough materials and lights of small bright parts; on a glossy material it shows N separate highlights.
+    It is good for rough materials under small bright lights; a glossy material shows N separate highlights.
 
     Attributes:
         samples: N.
-        visibility: "rays": a shadow ray a sample where the scene hides light.
-        points: N points of the unit square.
-        seed: of random points.
+        visibility: "rays": one shadow ray per sample if the scene hides light.
+        points: the kind of the N points of the unit square.
+        seed: seed of random points.
 
     Source: the baseline of Krivanek and Colbert 2008, figure 3; sampling after Pharr and Humphreys 2004.
     """
@@ -58,14 +58,14 @@ class EnvironmentSampling(Method):
     points: PointSet = "hammersley"
     seed: Seed = 0
 
-    # Measured: furnace 0.009, turns 0.013, slope -0.81. Other lights, or the same one turned, draw other
-    # directions: what turns measures is noise.
+    # Measured: furnace 0.009, turns 0.013, slope -0.81. Another light, or a turned one, gives other directions: so
+    # `turns` measures noise.
     equation = "L_o approx 1/N sum_(i=1)^N (f(omega_o, omega_i) cos theta_i thin L(omega_i))/p(omega_i)"
     contract = Contract(furnace=0.03, linear=False, turns=0.03, budget=("samples", (64, 256, 1024, 4096)), slope=-0.5)
 
     @property
     def is_random(self) -> bool:
-        """The seed is of random points alone."""
+        """Whether the seed changes the image: only random points use it."""
         return self.points == "random"
 
     @stage

@@ -1,4 +1,4 @@
-"""Importance sampling of the BRDF without a filter: what prefiltering is measured against."""
+"""Importance sampling of the BRDF without a filter: the baseline for prefiltering."""
 
 from typing import Annotated, Any, Literal
 
@@ -35,16 +35,17 @@ from glossbench.prefilter import (
 class ImportanceSampling(Method):
     """Lo ~ (1/N) sum of L(wi) f cos_i / p, wi drawn by the BRDF's sampler, the same N points at every pixel.
 
-    Each glossy lobe is summed by itself with its share of the samples; the diffuse part is nine spherical harmonics.
-    Small bright lights show as separate images of themselves until samples lie closer than the lights are wide.
+    Each glossy lobe is summed separately with its share of the samples; the diffuse part uses nine spherical harmonics.
+    Small bright lights appear as separate images of themselves until the spacing of the samples is below their width.
 
     Attributes:
-        samples: N, shared by the lobes.
-        visibility: "rays": a shadow ray a sample where the scene hides light, and the diffuse part by N samples more.
-        points: N points of the unit square.
-        seed: of random points.
+        samples: N, divided among the lobes.
+        visibility: "rays": one shadow ray per sample if the scene hides light; the diffuse part then takes N more
+            samples.
+        points: the kind of the N points of the unit square.
+        seed: seed of random points.
 
-    Source: Cook 1986; sampling of each lobe as its model states.
+    Source: Cook 1986; each lobe is sampled as its model states.
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 20)] = 40
@@ -60,11 +61,11 @@ class ImportanceSampling(Method):
 
     @property
     def is_random(self) -> bool:
-        """The seed is of random points alone."""
+        """Whether the seed changes the image: only random points use it."""
         return self.points == "random"
 
     def n_samples(self, material: Material) -> int:
-        """Samples of all lobes: at least one each."""
+        """Number of samples of all lobes, at least one for each."""
         return sum(material.as_lobes().share(self.samples))
 
     @stage

@@ -30,20 +30,20 @@ from glossbench.prefilter import (
 
 @METHODS.register("many_lights")
 class ManyLights(Method):
-    """Lo ~ sum over regions i of VIS_i f(wo, d_i) cos_i Phi_i: a region's light, its integral Phi_i, all from d_i.
+    """Lo ~ sum over regions i of VIS_i f(wo, d_i) cos_i Phi_i: all light of a region, Phi_i, comes from direction d_i.
 
-    Good for diffuse surfaces; on a glossy one the lights show one by one.
+    It is good for diffuse surfaces; on a glossy surface the lights are visible one by one.
 
     Attributes:
-        regions: N of the median cut, about N / 6 a face.
-        visibility: VIS_i. "shadow_maps": of a variance shadow map a region, blurred as it is large. "rays": one ray to
-            d_i. "none": ones.
+        regions: number N of regions of the median cut, about N / 6 per face.
+        visibility: VIS_i. "shadow_maps": one variance shadow map per region, blurred according to its size. "rays": one
+            ray to d_i. "none": VIS_i = 1.
         shadow_resolution: texels along the edge of a shadow map.
-        blocker_distance: from what casts a shadow to what it falls on, for the width of the blur, where the mesh has a
-            half-extent of 1. 0 for no blur.
-        light_bleeding: share of a light below which a point of a shadow map is dark.
+        blocker_distance: distance between a blocker and its shadow, in units of the mesh's half-extent; it sets the
+            width of the blur. 0 for no blur.
+        light_bleeding: a point of a shadow map that sees less than this share of a light is dark.
 
-    Source: what Knuth et al. 2014, section 1, set their method against: Dachsbacher et al. 2014; lights after Debevec
+    Source: Dachsbacher et al. 2014, with which Knuth et al. 2014, section 1, compare their method; lights after Debevec
     2008, shadows after Annen et al. 2008.
     """
 
@@ -53,18 +53,18 @@ class ManyLights(Method):
     blocker_distance: Annotated[float, Field(ge=0, le=4)] = 0.25
     light_bleeding: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
-    # Measured: furnace 0.018, turns 0.003, slope -0.99. Cuts follow the light and the faces: no linearity.
+    # Measured: furnace 0.018, turns 0.003, slope -0.99. It is not linear, because the cuts depend on the light.
     equation = 'L_o approx sum_i "VIS"_i thin f(omega_o, d_i) cos theta_i thin Phi_i'
     contract = Contract(furnace=0.03, linear=False, turns=0.01, budget=("regions", (24, 96, 384, 1536)), slope=-0.8)
 
     shadows = shadows
 
     def supports(self, material: Material, scene: Any) -> str | None:
-        """A reason where the scene has no shadow maps."""
+        """The reason why a scene cannot have shadow maps, if it cannot."""
         return no_shadows(self.visibility, scene)
 
     def n_samples(self, material: Material) -> int:
-        """Lights."""
+        """Number of lights."""
         return self.regions
 
     @stage

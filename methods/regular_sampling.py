@@ -44,7 +44,7 @@ class Pattern(NamedTuple):
 
     Attributes:
         h: half vectors, components (1, N).
-        factor: 4 D(h_i) / (N p_h), (1, N): what of eq. 9, 17 and 18 depends on the sample alone.
+        factor: 4 D(h_i) / (N p_h), (1, N): the factor of eq. 9, 17 and 18 that depends only on the sample.
         u, v: extreme half vectors along t and b, on the border xi.
     """
 
@@ -59,25 +59,25 @@ class RegularSampling(Method):
     """Lo ~ (1/N) sum of L(wi, l) f cos_i 4 (h_i . wi) / p_h, the h_i on circles about the normal.
 
     l = log4(A R^2 / (4 N) / (major (wi . h))) + mip_bias: the lobe's elliptical cross section A at unit distance,
-    divided among the samples. p_h is the mean of D over the pattern, so that the estimate is self-normalised: right
-    on average for small m, biased where cos_i / cos_h is far from 1 and by the truncation of the lobe at xi. The
-    pattern shows where lights are smaller than its spacing.
+    divided among the samples. p_h is the mean of D over the pattern, so the estimate normalises itself: it is right on
+    average for small m, and biased where cos_i / cos_h is far from 1 and by the truncation of the lobe at xi. The
+    pattern becomes visible if lights are smaller than its spacing.
 
     Attributes:
-        samples: the budget; of all patterns of both spacings the one with the nearest count is taken.
-        xi: density, over its peak, at which the lobe is cut off.
-        n_circles: with `spacing`, a given pattern instead of the budget's.
-        spacing: s1 begins with one sample at the centre and six about it, s2 with four about the centre.
-        normalisation: "printed", p_h = mean of D(h_i), eq. 18; "exact", p_h = mean of D(h_i) cos(theta_i), which
-            integrates D over projected solid angle to 1 as its definition asks.
-        mip_bias: levels added.
-        mip_filter: of the pyramid.
-        visibility: "rays": a shadow ray a sample where the scene hides light, and the diffuse part by as many filtered
-            samples as the budget, of density cos_i / pi.
+        samples: the budget; the pattern of either spacing whose number of samples is nearest to it is used.
+        xi: the lobe is cut off where its density, relative to the peak, falls to this value.
+        n_circles: number of circles; together with `spacing` it states a pattern, instead of the budget.
+        spacing: s1 begins with one sample at the centre and six around it, s2 with four around the centre.
+        normalisation: "printed", p_h = mean of D(h_i), eq. 18; "exact", p_h = mean of D(h_i) cos(theta_i), with which
+            the integral of D over projected solid angle is 1, as the definition of D requires.
+        mip_bias: number of levels to add to l.
+        mip_filter: filter of the pyramid.
+        visibility: "rays": one shadow ray per sample if the scene hides light; the diffuse part then takes as many
+            filtered samples as the budget, of density cos_i / pi.
 
     Source: Luksch et al. 2014 eq. 11 to 18. Differs: the constants of eq. 12 (see `sample_pattern`); the angles of
-    eq. 14 end at 85 degrees, short of the pole of eq. 15; a lobe other than Beckmann's is cut where its own slope
-    density falls to xi; the pattern of a cosine lobe lies about its axis.
+    eq. 14 are limited to 85 degrees, below the pole of eq. 15; a lobe other than Beckmann's is cut where its own slope
+    density falls to xi; the pattern of a cosine lobe is centred on its axis.
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 16)] = 40
@@ -89,7 +89,7 @@ class RegularSampling(Method):
     mip_filter: MipFilter = "gauss6"
     visibility: Literal["none", "rays"] = "none"
 
-    # Measured: furnace 0.053 with GGX, whose tail the cut at xi loses, 3e-4 with Beckmann lobes; slope -0.72. With
+    # Measured: furnace 0.053 with GGX, whose tail is lost by the cut at xi, 3e-4 with Beckmann lobes; slope -0.72. With
     # the defaults furnace is 0.21 and 0.014, and under spots more samples do not help: the error stays at 0.1.
     equation = "L_o approx 1/N sum_(i=1)^N L(omega_i, l) thin f cos theta_i (4 (h_i dot omega_i))/p_h"
     contract: ClassVar[Contract] = Contract(
@@ -106,11 +106,11 @@ class RegularSampling(Method):
             raise InputError("regular_sampling.n_circles and regular_sampling.spacing go together, got one of them")
 
     def n_samples(self, material: Material) -> int:
-        """Samples of the patterns of all lobes."""
+        """Number of samples in the patterns of all lobes."""
         return sum(len(angles) for angles in self._angles(material))
 
     def notes(self) -> tuple[str, ...]:
-        """That the cut at xi is what limits a large budget."""
+        """A note that the cut at xi limits the accuracy of a large budget."""
         if self.n_circles is not None or self.samples < 30 or self.xi < 0.1:
             return ()
         return (
@@ -195,9 +195,9 @@ def _kernel(
 def lobe_area(wo: Vec3, u: Vec3, v: Vec3) -> Tensor:
     """A = pi tan(alpha_U) tan(alpha_V): area of the lobe's cross section at unit distance, eq. 14 and 15.
 
-    alpha is the angle from the mirror direction to the reflection at an extreme half vector, at most 85 degrees:
-    towards pi/2 the tangent has a pole and beyond it is negative. From the chord e between them, cos = 1 - e^2 / 2:
-    in float32 a cosine near 1 has no digits left for small lobes and grazing views.
+    alpha is the angle from the mirror direction to the reflection at an extreme half vector. It is limited to 85
+    degrees: at pi/2 the tangent has a pole, and beyond it is negative. alpha is computed from the chord e between both
+    directions, cos = 1 - e^2 / 2: in float32 a cosine near 1 is not precise enough for small lobes and grazing views.
     """
     centre = Vec3(-wo.x, -wo.y, wo.z)
     ends = (reflect(wo, edge) for edge in (u, v))
@@ -213,11 +213,12 @@ def sample_pattern(m_x: float, m_y: float, xi: float, n_circles: int, spacing: S
     theta_max = atan(sqrt(-log xi) max(m_x, m_y)), eq. 11. Circles i = 0 .. n_circles - 1 lie at theta_i = i s for s1,
     whose circle 0 is one sample, and (i + 2/3) s for s2; s puts the outer border, half a spacing beyond the last
     circle, at theta_max. Circle i has 2 floor(n_0 sin(theta_i) / (2 sin(theta_0)) + 1/2) samples, eq. 13, n_0 = 6 (s1)
-    or 4 (s2) on the first circle of more than one. Samples with q < xi are rejected; of a circle and the same circle
-    turned by half a sample, the one with the larger sum of q over what is left stays.
+    or 4 (s2) on the first circle of more than one. Samples with q < xi are rejected. Each circle is also tried turned
+    by half a sample; the one whose remaining samples have the larger sum of q is used.
 
-    Source: Luksch et al. 2014 section 5. Differs: eq. 12's spacings as printed give other counts than its own figures;
-    s = theta_max / (n_c - 1/2) and theta_max / (n_c + 1/6) give all of them (19 and 30, figure 4).
+    Source: Luksch et al. 2014 section 5. Differs: the spacings of eq. 12 as printed do not give the numbers of samples
+    in the paper's figures; s = theta_max / (n_c - 1/2) and theta_max / (n_c + 1/6) give all of them (19 and 30,
+    figure 4).
     """
     check = RegularSampling(xi=xi, n_circles=n_circles, spacing=spacing)
     if not (0 < m_x <= 1 and 0 < m_y <= 1):
@@ -243,7 +244,7 @@ def _circles(lobe: Lobe, xi: float, n_circles: int, spacing: Spacing) -> Tensor:
             slope2 = (h.x / (w_x * h.z)) ** 2 + (h.y / (w_y * h.z)) ** 2
             kept_here = slope2 <= radius * radius
             q = float(lobe.q(slope2[kept_here]).sum())
-            # An isotropic lobe gives both circles the same sum but for rounding: the unturned one stays.
+            # For an isotropic lobe both circles have the same sum except for rounding: the unturned one is used.
             if q > best_q * (1 + 1e-9):
                 best, best_q = phi[kept_here], q
         kept.append(torch.stack([torch.full_like(best, theta), best], dim=1))
@@ -251,7 +252,7 @@ def _circles(lobe: Lobe, xi: float, n_circles: int, spacing: Spacing) -> Tensor:
 
 
 def _nearest_pattern(lobe: Lobe, xi: float, budget: int) -> Tensor:
-    """The pattern of both spacings with the count nearest to a budget; of equals the one with fewer circles."""
+    """Among the patterns of both spacings, the one whose count is nearest to a budget; if equal, with fewer circles."""
     best = torch.empty(0, 2)
     n_circles, beyond = 0, False
     while not beyond and n_circles < 256:
@@ -260,6 +261,6 @@ def _nearest_pattern(lobe: Lobe, xi: float, budget: int) -> Tensor:
         for angles in both:
             if len(angles) and (not len(best) or abs(len(angles) - budget) < abs(len(best) - budget)):
                 best = angles
-        # Rejection makes counts uneven from circle to circle, hence the margin.
+        # The margin is needed because, with rejection, the counts do not grow evenly with the circles.
         beyond = min(len(angles) for angles in both) > 1.5 * budget + 8
     return best

@@ -89,7 +89,8 @@ ALLOWED = {
     "_rings": "the quadrature of a calibration, against the closed form",
     # Reports, whose pictures take most of the time of a test of text.
     "_plots": "no plots", "_images": "no images", "_flip": "a map is not made again", "_methods": "no methods",
-    "_templates": "past its cache", "_halves": "coded numbers", "_area_weights": PLANTED, "_read": "no folder",
+    "_templates": "past its cache", "_halves": "coded numbers", "_area_weights": PLANTED,
+    "_at": "the captions of plots, without setting a PDF", "_read": "no folder",
     "_swept": "what a figure sweeps", "_compiler": "the typesetter's own words",
 }  # fmt: skip
 OF_NAMED_TUPLES = {"_replace", "_asdict", "_fields", "_make"}

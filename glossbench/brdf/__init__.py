@@ -1,4 +1,4 @@
-"""Reflectance models: one in each file, named as its paper names it.
+"""Reflectance models, one per file, with the name that its paper uses.
 
-It imports process, catalog and the loose files: a material looks at no light, and a light at no material.
+It imports process, catalog and the loose files: materials and lights do not know each other.
 """

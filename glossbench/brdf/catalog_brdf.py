@@ -9,7 +9,7 @@ from glossbench.catalog.naming import register_entries
 
 
 class CatalogBRDF(MeasuredMaterial):
-    """f(wo, wi) of a public file, fetched when it is not here, and read as `measured` reads it."""
+    """f(wo, wi) of a public file. It is fetched if it is not on this machine, and read as `measured` reads it."""
 
     def path(self) -> Path:
         """The verified file."""

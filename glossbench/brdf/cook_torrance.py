@@ -24,7 +24,7 @@ class Grooves(Beckmann):
     factor: Tensor
 
     def V(self, wo: Directions, wi: Directions, h: Directions, c: Values) -> Values:
-        """factor G / (cos_i cos_o); where G < 1 the smaller cosine cancels."""
+        """factor G / (cos_i cos_o); if G < 1 the smaller cosine cancels."""
         lit = 1 / (wi.z * wo.z).clamp(min=1e-12)
         return self.factor * torch.minimum(lit, 2 * h.z / (c * torch.maximum(wi.z, wo.z)))
 
@@ -39,13 +39,13 @@ class CookTorrance(Material):
     Attributes:
         m: Beckmann slopes m_x, m_y along t and b, in (0, 1]; a scalar is isotropic.
         f0: reflectance at normal incidence, a scalar or RGB in [0, 1].
-        factor: "1/4", which follows from the integral of D cos_h = 1; "1/pi", the paper's constant, 4 / pi
-            times as much before this D, which unlike the paper's is normalised.
+        factor: "1/4", which follows from the integral of D cos_h = 1, or "1/pi", the constant of the paper. As D is
+            normalised here, unlike in the paper, "1/pi" gives 4 / pi times the energy of "1/4".
         ks: factor of the lobe, a scalar or RGB in [0, 1].
         kd: diffuse albedo, a scalar or RGB in [0, 1].
 
-    Source: Cook and Torrance 1982; the factor, Walter et al. 2007. Differs: F by Schlick 1994; two slopes, of which
-    the paper has one.
+    Source: Cook and Torrance 1982; the factor, Walter et al. 2007. Differs: F is by Schlick 1994; two slopes, where the
+    paper has one.
     """
 
     m: Widths = (0.1, 0.1)

@@ -29,8 +29,8 @@ class CosineLobe(Lobe):
     """f = ks (s + 2) / (2 pi) max(C_x wo_x wi_x + C_y wo_y wi_y + C_z wo_z wi_z, 0)^s, the largest |C_k| being 1.
 
     With the axis a = C wo / |C wo| that is ks (s + 2) / (2 pi) |C wo|^s max(wi . a, 0)^s. The albedo is at most ks:
-    (wi . a)^s cos_i integrates to no more than 2 pi / (s + 2), its value for a = n, and |C wo| <= 1. Sampled by
-    (s + 1) / (2 pi) (wi . a)^s about a; what falls below the surface counts nothing.
+    (wi . a)^s cos_i integrates to at most 2 pi / (s + 2), its value for a = n, and |C wo| <= 1. The density of samples
+    is (s + 1) / (2 pi) (wi . a)^s about a; samples below the surface have weight 0.
 
     Attributes:
         C: diagonal of the matrix.
@@ -45,7 +45,7 @@ class CosineLobe(Lobe):
     def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
         """`f` and `pdf`, which share (wi . a)^s."""
         a = self._axis(wo)
-        # 1 - cos is half the squared chord: of a cosine near 1 float32 has no digits left for a large s.
+        # 1 - cos is half the squared chord: for a large s, float32 does not resolve cosines near 1.
         chord = Vec3(wi.x - a.x, wi.y - a.y, wi.z - a.z)
         away = dot(chord, chord) / 2
         facing = (wo.z > 0) & (wi.z > 0) & (away < 1)
@@ -68,7 +68,7 @@ class CosineLobe(Lobe):
         return Sample(wi, points.pdf, tuple(ks * weight for ks in self.ks))
 
     def viewer(self, wo: PairDirections) -> PairDirections:
-        """Along the axis: the lobe looks the same from wherever it is seen."""
+        """Along the axis: the lobe has the same shape for every viewer."""
         zero = torch.zeros_like(wo.z)
         return Vec3(zero, zero, zero + 1)
 
@@ -81,16 +81,16 @@ class CosineLobe(Lobe):
 
     def _shrinkage(self, wo: PairDirections) -> PairValues:
         """|C wo|^s"""
-        # From 1 - |C wo|^2, which is exact for a mirror: a large s would amplify the rounding of |C wo|.
+        # Computed from 1 - |C wo|^2, which is exact for a mirror: a large s would amplify the rounding of |C wo|.
         lost = (1 - self.C.x**2) * wo.x**2 + (1 - self.C.y**2) * wo.y**2 + (1 - self.C.z**2) * wo.z**2
         return torch.exp(self.s / 2 * torch.log1p(-lost.clamp(max=1 - 2.0**-24)))
 
 
 def cosine_lobe(C: tuple[float, float, float], s: float, ks: tuple[float, ...], device: str) -> CosineLobe:
-    """A lobe on a device, for a diagonal of any length, which is scaled to its largest component.
+    """A lobe on a device. The diagonal C is divided by its largest |C_k|.
 
-    As half vectors lie at half the angle, cos^s(2 theta_h) ~ exp(-2 s tan^2(theta_h)): its Beckmann slopes are
-    1 / sqrt(2 s), bounded by 1.
+    The Beckmann slopes are 1 / sqrt(2 s), bounded by 1: half vectors lie at half the angle, and
+    cos^s(2 theta_h) ~ exp(-2 s tan^2(theta_h)).
     """
     largest = max(map(abs, C))
     diagonal = Vec3(*(scalar(k / largest, device) for k in C))

@@ -17,7 +17,7 @@ from glossbench.shapes import Directions, PairDirections, PairValues, UnitSquare
 
 
 class DiskPoints(NamedTuple):
-    """Points (1, N) of the unit disk: x, and y before it is squeezed towards the visible half."""
+    """Points (1, N) of the unit disk: x, and y before it is compressed to the visible half."""
 
     x: Tensor
     y: Tensor
@@ -54,7 +54,7 @@ class TrowbridgeReitz(Microfacet):
         """Mirror directions at visible normals; f cos_i / pdf = F G2 / G1(wo)."""
         a_x, a_y = self.widths
         v = normalize(Vec3(a_x * wo.x, a_y * wo.y, wo.z))
-        # A frame about v; at v = z any tangent will do.
+        # A frame about v; at v = z every tangent is valid.
         length2 = v.x * v.x + v.y * v.y
         inverse = torch.rsqrt(length2.clamp(min=1e-20))
         at_pole = length2 < 1e-14
@@ -87,7 +87,7 @@ class GGX(Material):
     """f(wo, wi) = kd / pi + ks F(c) D(h) G2(wo, wi) / (4 cos_i cos_o).
 
     Attributes:
-        alpha: widths of D along t and b, in (0, 1]; the square of the `roughness` of material files; a scalar is
+        alpha: widths of D along t and b, in (0, 1]; it is the square of `roughness` in material files; a scalar is
             isotropic.
         f0: reflectance at normal incidence, a scalar or RGB in [0, 1].
         ks: factor of the lobe, a scalar or RGB in [0, 1].

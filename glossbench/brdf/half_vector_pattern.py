@@ -1,4 +1,4 @@
-"""A fixed pattern of half vectors over a lobe: how wide it is, and what a half vector of it counts."""
+"""A fixed pattern of half vectors over a lobe: its widths, and the weight of each half vector."""
 
 import torch
 
@@ -7,10 +7,10 @@ from glossbench.shapes import Directions, PairDirections, PairValues, Scalar, Va
 
 
 class HalfVectorPattern:
-    """What lays out a pattern of half vectors that is the same at every pixel, by their density D.
+    """Defines the density D of a pattern of half vectors that is the same at every pixel.
 
-    A lobe that is not a function of the half vector still has such a density, near to that of the half vectors of its
-    own directions. By default D is Beckmann's. Letters as in the module lobe.
+    A lobe that is not a function of the half vector also has such a density; it approximates the density of half
+    vectors of its own samples. The default is Beckmann's D. The module lobe defines the letters.
 
     Attributes:
         widths: of D along t and b: Beckmann slopes m_x, m_y or GGX alpha_x, alpha_y.
@@ -25,19 +25,19 @@ class HalfVectorPattern:
         raise NotImplementedError
 
     def viewer(self, wo: PairDirections) -> PairDirections:
-        """The viewer in the lobe's own frame, where the normal is that of a pattern of half vectors: wo itself."""
+        """The viewer in the lobe's own frame, whose z axis is the normal of the pattern: by default wo itself."""
         return wo
 
     def to_surface(self, wo: Directions, d: Directions) -> Directions:
-        """A direction of the lobe's own frame in the local frame: itself, but for a lobe about an axis of its own."""
+        """From the lobe's own frame to the local frame: by default both are the same."""
         return d
 
     def q(self, slope2: PairValues) -> PairValues:
-        """Density of the slope, over its peak, where (h_x/(w_x h_z))^2 + (h_y/(w_y h_z))^2 = slope2: exp(-slope2)."""
+        """Density of the slope relative to its peak, by default exp(-slope2); slope2 as in the method `slope2`."""
         return torch.exp(-slope2)
 
     def slope_at(self, q: PairValues) -> PairValues:
-        """The root of slope2 where the slope density has fallen to q of its peak, the inverse of `q`: sqrt(-log q)."""
+        """The square root of slope2 for a relative density q, the inverse of `q`: by default sqrt(-log q)."""
         return torch.sqrt(-torch.log(q))
 
     def slope2(self, h: PairDirections) -> PairValues:
@@ -51,6 +51,6 @@ class HalfVectorPattern:
         return self.q(self.slope2(h)) / (torch.pi * self.widths[0] * self.widths[1] * cos2 * cos2)
 
     def f_over_D(self, wo: Directions, wi: Directions, h: Directions, c: Values) -> Channels:
-        """f(wo, wi) / D(h) a channel, wi = to_surface(wo, mirror direction of viewer(wo) at h), c = viewer(wo) . h."""
+        """f(wo, wi) / D(h) by channel; c = viewer(wo) . h, wi = to_surface(wo, mirror direction of viewer(wo) at h)."""
         D = self.D(h)
         return tuple(f / D for f in self.f(wo, wi))

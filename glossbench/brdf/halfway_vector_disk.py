@@ -1,4 +1,4 @@
-"""The model of Edwards et al. 2006: half vectors as points of a disk, where to conserve energy is to integrate to 1."""
+"""The model of Edwards et al. 2006: half vectors as points of a disk; a density with integral 1 conserves energy."""
 
 from dataclasses import dataclass
 from math import pi
@@ -26,16 +26,17 @@ class LumpPoints(NamedTuple):
 
 @dataclass(frozen=True)
 class Lump(Lobe):
-    """f = ks lump(d) cos_o^2 / (4 c cos_i cos_h^3), d = cos_o (h_x, h_y) / h_z, lump as `HalfwayVectorDisk` says.
+    """f = ks lump(d) cos_o^2 / (4 c cos_i cos_h^3), d = cos_o (h_x, h_y) / h_z, lump as defined in `HalfwayVectorDisk`.
 
-    Of a view wo, the half vectors of light above the surface are those with d in the unit disk about (wo_x, wo_y);
-    d = 0 is the mirror direction, the disk's centre the way back. An area of the disk is cos_o^2 / cos_h^3 of the solid
-    angle of h, and that is 1 / (4 c) of that of wi: f cos_i / ks is the density of wi where d has density lump.
+    For a view wo, light is above the surface if d is in the unit disk about (wo_x, wo_y); d = 0 is the mirror
+    direction, and the centre of the disk reflects light back to the viewer. The area of d is cos_o^2 / cos_h^3 times
+    the solid angle of h, which is 1 / (4 c) times the solid angle of wi. If d has the density lump, then wi has the
+    density f cos_i / ks.
 
     Attributes:
         radii: r_x, r_y.
-        exponent: of the lump.
-        reciprocal: the smaller of f(wo, wi) and f(wi, wo) instead.
+        exponent: exponent of the lump.
+        reciprocal: whether f is the smaller of f(wo, wi) and f(wi, wo).
     """
 
     radii: tuple[Scalar, Scalar]
@@ -43,7 +44,7 @@ class Lump(Lobe):
     reciprocal: bool
 
     def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
-        """`f` and `pdf`, which are the same but for cos_i and ks."""
+        """`f` and `pdf`; unless the lobe is reciprocal, f = ks pdf / cos_i."""
         h = half_vector(wo, wi)
         c = dot(wo, h)
         above = (wo.z > 0) & (wi.z > 0)
@@ -62,7 +63,7 @@ class Lump(Lobe):
         return LumpPoints((r * torch.cos(psi))[None], (r * torch.sin(psi))[None], density[None])
 
     def sample(self, wo: Directions, points: LumpPoints) -> Sample:
-        """Mirror directions at the half vectors of the lump; the weight is ks, or less where reciprocal."""
+        """Mirror directions at the half vectors of the lump; the weight is ks, or less if reciprocal."""
         z = wo.z.clamp(min=1e-6)
         r_x, r_y = self._radii(wo)
         h = normalize(Vec3(r_x * points.x, r_y * points.y, z))
@@ -87,9 +88,9 @@ class Lump(Lobe):
         return torch.where(rest > 0, lump * z * z / (4 * c * h.z**3), 0.0)
 
     def _radii(self, wo: Directions) -> tuple[Values, Values]:
-        """k r_x and k r_y: shortened where the lump would leave the disk."""
+        """k r_x and k r_y: k < 1 if the lump would leave the disk."""
         z = wo.z.clamp(min=1e-6)
-        # 1 - sin_o, without the digits that the difference loses at a grazing view.
+        # 1 - sin_o in a form that does not lose digits at grazing views.
         room = z * z / (1 + torch.sqrt((1 - z * z).clamp(min=0)))
         k = (room / torch.maximum(*self.radii)).clamp(max=1)
         return self.radii[0] * k, self.radii[1] * k
@@ -100,22 +101,22 @@ class HalfwayVectorDisk(Material):
     """f(wo, wi) = kd / pi + ks lump(d) cos_o^2 / (4 c cos_i cos_h^3), d = cos_o (h_x, h_y) / h_z.
 
     lump(d) = (exponent + 1) / (pi k^2 r_x r_y) (1 - ((d_x / r_x)^2 + (d_y / r_y)^2) / k^2)^exponent, zero outside its
-    ellipse; k = min(1, (1 - sin_o) / max(r_x, r_y)) keeps that where light comes from above the surface. The albedo is
-    ks at every view. Not reciprocal; the reciprocal variant returns less, at exponent 8 and radius 0.3 from 0.99 ks
-    along the normal to 0.84 ks. Towards a grazing view the lobe sharpens to a mirror.
+    ellipse; k = min(1, (1 - sin_o) / max(r_x, r_y)) keeps the ellipse where light is above the surface. The albedo is
+    ks for every view. The model is not reciprocal. The reciprocal variant has a lower albedo: with exponent 8 and
+    radius 0.3 from 0.99 ks along the normal down to 0.84 ks. Towards grazing views the lobe becomes a mirror.
 
-    Regular sampling, whose pattern is the same for all views, is laid out by the Beckmann slopes
-    radius / sqrt(exponent + 1) that the lump has along the normal: it misses what grazing views see.
+    Regular sampling uses one pattern for all views, with the Beckmann slopes radius / sqrt(exponent + 1) that the lump
+    has along the normal. The pattern does not fit the lobe of grazing views.
 
     Attributes:
         radius: r_x, r_y of the lump along t and b, in (0, 1]; a scalar is isotropic.
-        exponent: of the lump, in [0, 10000]; 0 is a uniform disk.
-        reciprocal: take the smaller of f(wo, wi) and f(wi, wo).
+        exponent: exponent of the lump, in [0, 10000]; 0 is a uniform disk.
+        reciprocal: use the smaller of f(wo, wi) and f(wi, wo).
         ks: factor of the lobe, its albedo, a scalar or RGB in [0, 1].
         kd: diffuse albedo, a scalar or RGB in [0, 1].
 
-    Source: Edwards et al. 2006, as the Disney BRDF Explorer has it (edwards06.brdf). Reconstructed, for want of the
-    paper's text: k, two radii, and the reciprocal variant.
+    Source: Edwards et al. 2006, as in the Disney BRDF Explorer (edwards06.brdf). The text of the paper was not
+    available: k, two radii and the reciprocal variant are reconstructed.
     """
 
     radius: Widths = (0.3, 0.3)

@@ -26,12 +26,12 @@ class FreeShadowing(Beckmann):
 
     def V(self, wo: Directions, wi: Directions, h: Directions, c: Values) -> Values:
         """1 / (4 c (cos_i cos_o)^shadowing), eq. 2."""
-        # exp2 of log2 runs three times as fast as a power, measured in the fused kernel.
+        # exp2 of log2 is three times as fast as a power, measured in the fused kernel.
         return torch.exp2(-self.shadowing * torch.log2((wi.z * wo.z).clamp(min=1e-12))) / (4 * c)
 
 
 class KurtLobe(Options):
-    """One lobe of several: options as those of Kurt itself."""
+    """One of several lobes, with the options of Kurt itself."""
 
     m: Widths = (0.1, 0.1)
     f0: Color = (1.0, 1.0, 1.0)
@@ -52,7 +52,7 @@ KurtLobe.name = "kurt.lobes"
 class Kurt(Material):
     """f(wo, wi) = kd / pi + sum over lobes of ks F(c) D(h) / (4 c (cos_i cos_o)^shadowing).
 
-    Conserves energy for shadowing = 0; for larger exponents that depends on m.
+    For shadowing = 0 it conserves energy; for larger exponents this depends on m.
 
     Attributes:
         m: Beckmann slopes m_x, m_y along t and b, in (0, 1]; a scalar is isotropic.

@@ -24,7 +24,7 @@ Diagonal = Annotated[tuple[Finite, Finite, Finite], AfterValidator(_nonzero)]
 
 
 class LafortuneLobe(Options):
-    """One lobe of several: options as those of the model itself."""
+    """One of several lobes, with the options of the model itself."""
 
     name = "lobe"
 
@@ -41,20 +41,20 @@ def _lobe(value: Any) -> Any:
 class Lafortune(Material):
     """f(wo, wi) = kd / pi + sum over lobes of ks N max(C_x wo_x wi_x + C_y wo_y wi_y + C_z wo_z wi_z, 0)^s.
 
-    -C_x = -C_y = C_z is a Phong lobe, -C_x = -C_y > C_z an off-specular one that grows towards grazing views;
-    C_x = C_y > 0 sends light back to where it came from, C_x != C_y is anisotropic. Reciprocal. The albedo of a lobe
-    is at most ks N 2 pi max|C_k|^s / (s + 2), reached along the normal where C_z is the largest: energy is conserved
-    where these bounds and kd sum to no more than 1. That is not asked for, as fits to measurements exceed it.
+    -C_x = -C_y = C_z is a Phong lobe; -C_x = -C_y > C_z is an off-specular lobe that grows towards grazing views;
+    C_x = C_y > 0 reflects light back to its source; C_x != C_y is anisotropic. Reciprocal. The albedo of a lobe is at
+    most ks N 2 pi max|C_k|^s / (s + 2), which it reaches along the normal if C_z is the largest. Energy is conserved if
+    kd and these bounds sum to at most 1. A larger sum is allowed, because fits to measurements exceed 1.
 
     Attributes:
         C: C_x, C_y, C_z, of any sign, not all 0.
         s: the paper's exponent n, in [0, 1e5].
         ks: the paper's rho_s, a scalar or RGB >= 0.
         kd: diffuse albedo, a scalar or RGB in [0, 1].
-        normalisation: "albedo", N = (s + 2) / (2 pi max|C_k|^s), so that ks bounds the albedo of its lobe and the
-            length of C does not count; "none", N = 1, so that it does, as in published fits of the paper's eq. 4.
-        lobes: up to 16 lobes, each a mapping of C, s, ks; they replace the three options above. A fit that has a C
-            or an exponent a colour channel has a lobe for each, of a ks of that channel alone.
+        normalisation: "albedo" is N = (s + 2) / (2 pi max|C_k|^s): ks bounds the albedo of its lobe, and the length of
+            C has no effect. "none" is N = 1: the length counts, as in published fits of the paper's eq. 4.
+        lobes: up to 16 lobes, each a mapping of C, s, ks; they replace the options C, s and ks. If a fit has one C or
+            one exponent per colour channel, write one lobe per channel, whose ks is 0 in the other channels.
 
     Source: Lafortune et al. 1997 eq. 4; the normalisation as Ngan et al. 2005 use it in their fits.
     """
@@ -70,7 +70,7 @@ class Lafortune(Material):
         super().__post_init__()
         if self.normalisation == "none":
             for lobe in self._lobes():
-                # max|C|^s must be a float32, and times ks, too.
+                # max|C|^s must fit into a float32, also multiplied by ks.
                 if lobe.s * log(max(map(abs, lobe.C))) > 69:
                     raise InputError(f"lafortune: max|C|^s must be below 1e30, got C = {lobe.C} and s = {lobe.s}")
 

@@ -1,8 +1,8 @@
-"""Glossy lobes: one summand of a BRDF with what evaluates it and what samples it.
+"""Glossy lobes: one summand of a BRDF, its evaluation and its sampling.
 
 Letters: wo to the viewer, wi to the light, h half vector, all unit and in the local frame, z along the normal;
-c = wo . h; u uniform points of the unit square. What depends on the sample only has shape (1, N) and is computed
-once (`sample_points`), what depends on the pixel has (P, 1), and the two meet in `sample`.
+c = wo . h; u uniform points of the unit square. Values that depend only on the sample have shape (1, N) and are
+computed once (`sample_points`); values that depend on the pixel have shape (P, 1); `sample` combines both.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from glossbench.shapes import (
 
 
 class Sample(NamedTuple):
-    """Light directions drawn by a lobe: weight = f cos_i / pdf a channel, zero where wi is not above the surface.
+    """Light directions drawn by a lobe: weight = f cos_i / pdf per channel, zero if wi is not above the surface.
 
     pdf [1/sr] is positive and finite even where the weight is zero.
     """
@@ -37,33 +37,33 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class Lobe(HalfVectorPattern):
-    """A lobe with tensors for parameters.
+    """A lobe whose parameters are tensors.
 
-    A model states `f_and_pdf`, `sample_points` and `sample`. A fixed pattern of half vectors lies over each lobe, too;
-    a model whose density of half vectors is not Beckmann's states its own (see `HalfVectorPattern`).
+    A model defines `f_and_pdf`, `sample_points` and `sample`. Each lobe also has a fixed pattern of half vectors; a
+    model whose density of half vectors is not Beckmann's defines its own (see `HalfVectorPattern`).
 
     Attributes:
         widths: of D along t and b: Beckmann slopes m_x, m_y or GGX alpha_x, alpha_y.
-        ks: factor of the whole lobe, a channel.
+        ks: factor of the whole lobe per channel.
     """
 
     widths: tuple[Scalar, Scalar]
     ks: tuple[Scalar, ...]
 
     def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
-        """`f` and `pdf`, which share much."""
+        """`f` and `pdf` together, because they share most of the work."""
         raise NotImplementedError
 
     def f(self, wo: Directions, wi: Directions) -> tuple[PairValues, ...]:
-        """Value [1/sr] a channel, the cosine not included; zero when a direction is below the surface."""
+        """Value [1/sr] per channel, without the cosine; zero if a direction is below the surface."""
         return self.f_and_pdf(wo, wi)[0]
 
     def pdf(self, wo: Directions, wi: Directions) -> PairValues:
-        """Density [1/sr] of `sample` at wi; zero below the surface, although samples fall there too."""
+        """Density [1/sr] of `sample` at wi; zero below the surface, although some samples fall there."""
         return self.f_and_pdf(wo, wi)[1]
 
     def sample_points(self, u: UnitSquare) -> Any:
-        """What of a sample depends on u only."""
+        """The part of a sample that depends only on u."""
         raise NotImplementedError
 
     def sample(self, wo: Directions, points: Any) -> Sample:
@@ -73,7 +73,7 @@ class Lobe(HalfVectorPattern):
     def albedo(self, wo: PointDirections, n_samples: int = 4096) -> Albedo:
         """Directional albedo: integral of f(wo, wi) cos_i dwi, RGB.
 
-        By the lobe's own sampler at Hammersley points.
+        Computed by the lobe's own sampler at Hammersley points.
         """
         column = Vec3(*(c[:, None] for c in wo))
         weight = self.sample(column, self.sample_points(points_2d(n_samples).to(wo.z.device))).weight

@@ -1,4 +1,4 @@
-"""Measured materials from files: a table for the reference, lobes fitted to it for methods that draw samples."""
+"""Measured materials from files: the reference uses the table; methods that draw samples use lobes fitted to it."""
 
 import json
 from collections.abc import Callable
@@ -35,13 +35,13 @@ MAX_BYTES = 1 << 30
 
 @dataclass(frozen=True)
 class MeasuredFacts:
-    """What a measurement holds.
+    """Facts about a measurement.
 
     Attributes:
         format: cornell, merl or rgl.
-        known_share: of all pairs of directions, by projected solid angle, those that were measured, [0, 1].
-        n_negative: values below 0, which are taken as 0.
-        fit: lobes for methods that draw samples; None where they take the table.
+        known_share: share of all pairs of directions that was measured, by projected solid angle, in [0, 1].
+        n_negative: number of values below 0, which count as 0.
+        fit: lobes for methods that draw samples; None if they use the table.
     """
 
     format: Format
@@ -51,16 +51,17 @@ class MeasuredFacts:
 
 
 class MeasuredMaterial(Material):
-    """f(wo, wi) of a measurement, isotropic.
+    """f(wo, wi) of an isotropic measurement.
 
-    The reference, and every method that evaluates f at directions of its own choice, take the table itself, sampled by
-    a tabulated density of half vectors. Methods that draw samples by lobes take a fit, whose error shows in theirs.
+    The reference uses the table itself, sampled by a tabulated density of half vectors; so does every method that
+    evaluates f at directions that it chooses. Methods that draw samples from lobes use a fit, so their error includes
+    the error of the fit.
 
     Attributes:
-        unknown: f where nothing was measured: "black", or "extrapolated": the product of the factors (cornell), the
-            authors' filling (rgl). MERL files have nothing there, and are black.
-        samplers: what methods that draw samples get: lobes of a model, fitted, or the table with its own density.
-        lobes: of the fit, beside a diffuse part.
+        unknown: f where nothing was measured: "black" or "extrapolated". The extrapolated value is the product of the
+            factors (cornell) or the authors' own (rgl); for merl it is always black.
+        samplers: from what methods draw samples: fitted lobes of a model, or "table", the table with its own density.
+        lobes: number of lobes of the fit; it has a diffuse part too.
     """
 
     unknown: Literal["black", "extrapolated"] = "black"
@@ -68,11 +69,11 @@ class MeasuredMaterial(Material):
     lobes: Annotated[int, Field(ge=1, le=4)] = 2
 
     def path(self) -> Path:
-        """The file, which is fetched where it is one of the catalogue's and not here."""
+        """The file; a file of the catalogue is fetched if it is not on this machine."""
         raise NotImplementedError
 
     def format_of(self, path: Path) -> Format:
-        """How the file is read."""
+        """The format of the file."""
         return FORMATS[path.suffix.lower()]
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
@@ -85,7 +86,7 @@ class MeasuredMaterial(Material):
         return self.reflectance(device) if fit is None else fit.material.reflectance(device)
 
     def fit(self) -> Fit | None:
-        """The lobes that stand for the table where samples are drawn, with their error; None where it is the table."""
+        """The lobes from which methods draw samples, with their error; None if they use the table itself."""
         if self.samplers == "table":
             return None
         return _fit(*self._read_as(), self.unknown == "black", self.samplers, self.lobes)
@@ -95,7 +96,7 @@ class MeasuredMaterial(Material):
         return self._measured("cpu")[0].table.known(wo, wi) & (wo.z > 0) & (wi.z > 0)
 
     def facts(self) -> MeasuredFacts:
-        """What the file holds, and how well the fit stands for it."""
+        """Facts about the file, and the error of the fit."""
         a, b = (cosine_hemisphere(points_2d(1 << 16, kind)) for kind in ("hammersley", "r2"))
         share = float(self.known(a, b).double().mean())
         return MeasuredFacts(self._read_as()[2], share, self._measured("cpu")[1], self.fit())
@@ -113,7 +114,7 @@ class MeasuredMaterial(Material):
         return (f"{told}; samplers take {lobes}, errors {facts.fit.mean_error:.3f} (L1), {facts.fit.error:.3f} (L2)",)
 
     def key(self) -> str:
-        """Hash of the file's bytes, and the options that say how it is read."""
+        """Hash of the file's bytes, and the options that say how to read it."""
         _, digest, format_ = self._read_as()
         reading = {k: v for k, v in self.as_dict().items() if k not in ("file", "format")}
         return f"measured:{format_}:{digest}:{json.dumps(reading, sort_keys=True)}"
@@ -126,13 +127,13 @@ class MeasuredMaterial(Material):
         return _lobe(*self._read_as(), self.unknown == "black", device)
 
 
-# Kept, because a material is asked for its lobes by every stage of every cell, and reading takes seconds.
+# Cached: every stage of every cell asks a material for its lobes, and reading a file takes seconds.
 
 
 @lru_cache(maxsize=4)
 @settled()
 def _lobe(path: Path, content: str, format_: Format, known_only: bool, device: str) -> tuple[MeasuredLobe, int]:
-    """The lobe of a file, and how many of its values are negative."""
+    """The lobe of a file, and the number of its negative values."""
     try:
         table, n_negative = READERS[format_](path, device)
     except OSError as error:
@@ -156,25 +157,27 @@ def _fit(
 
 
 def material_or_file(text: str) -> tuple[str, dict[str, Any]]:
-    """What one word means as a material: a registered name, or a file of a measurement or of fits, with its option."""
+    """The material that one word means: a registered name, or the path of a measurement or of fits with its option."""
     of_file = {**dict.fromkeys(FORMATS, "measured"), ".fit": "ngan"}.get(Path(text).suffix.lower())
     return (of_file, {"file": text}) if of_file and text not in MATERIALS.names() else (text, {})
 
 
 @MATERIALS.register("measured")
 class Measured(MeasuredMaterial):
-    """f(wo, wi) of a file of Cornell's goniometer, of the MERL database or of the RGL material database; isotropic.
+    """f(wo, wi) of an isotropic file of Cornell's goniometer, the MERL database or the RGL material database.
 
-    The reference, and every method that evaluates f at directions of its own choice, take the table itself, sampled by
-    a tabulated density of half vectors. Methods that draw samples by lobes take a fit, whose error shows in theirs.
+    The reference uses the table itself, sampled by a tabulated density of half vectors; so does every method that
+    evaluates f at directions that it chooses. Methods that draw samples from lobes use a fit, so their error includes
+    the error of the fit.
 
     Attributes:
-        file: path of the measurements; a relative one is looked for here, beside the study and below GLOSSBENCH_DATA.
-        format: of the file; by default what its name ends in: .brdf cornell, .binary merl, .bsdf rgl.
-        unknown: f where nothing was measured: "black", or "extrapolated": the product of the factors (cornell), the
-            authors' filling (rgl). MERL files have nothing there, and are black.
-        samplers: what methods that draw samples get: lobes of a model, fitted, or the table with its own density.
-        lobes: of the fit, beside a diffuse part.
+        file: path of the measurements; a relative one is searched in the current folder, the folder of the study and
+            below GLOSSBENCH_DATA.
+        format: format of the file; by default it follows from the extension: .brdf cornell, .binary merl, .bsdf rgl.
+        unknown: f where nothing was measured: "black" or "extrapolated". The extrapolated value is the product of the
+            factors (cornell) or the authors' own (rgl); for merl it is always black.
+        samplers: from what methods draw samples: fitted lobes of a model, or "table", the table with its own density.
+        lobes: number of lobes of the fit; it has a diffuse part too.
 
     Source: the readers, `glossbench.brdf.measured`: Latta and Kolb 2002 section 3.3; Matusik et al. 2003; Dupuy and
     Jakob 2018.
@@ -202,5 +205,5 @@ class Measured(MeasuredMaterial):
         return locate(self.file, what="BRDF file")
 
     def format_of(self, path: Path) -> Format:
-        """As stated, or by the name."""
+        """The option `format`; by default the extension decides."""
         return self.format or super().format_of(path)

@@ -17,17 +17,17 @@ class Microfacet(Lobe):
     """f = ks F(c) D(h) V(wo, wi), F by Schlick 1994.
 
     Attributes:
-        f0: reflectance at normal incidence, a channel.
+        f0: reflectance at normal incidence per channel.
     """
 
     f0: tuple[Scalar, ...]
 
     def V(self, wo: Directions, wi: Directions, h: Directions, c: Values) -> Values:
-        """f over ks F D: shadowing and the change of measure."""
+        """f / (ks F D): shadowing and the change of measure."""
         raise NotImplementedError
 
     def pdf_over_D(self, wo: Directions, h: Directions, c: Values) -> Values:
-        """Density [1/sr] of `sample` at the reflection of wo at h, over D(h)."""
+        """Density [1/sr] of `sample` at the reflection of wo at h, divided by D(h)."""
         raise NotImplementedError
 
     def F(self, c: PairValues) -> tuple[PairValues, ...]:
@@ -44,7 +44,7 @@ class Microfacet(Lobe):
         h = half_vector(wo, wi)
         c = dot(wo, h)
         D = self.D(h)
-        # Below the surface D and V may overflow: the mask is last, and NaN does not pass a where.
+        # Below the surface D and V may overflow: the mask comes last, because `where` also removes NaN.
         above = (wo.z > 0) & (wi.z > 0)
         value = torch.where(above, D * self.V(wo, wi, h, c), 0.0)
         pdf = torch.where(above, D * self.pdf_over_D(wo, h, c), 0.0)
@@ -57,7 +57,7 @@ class Microfacet(Lobe):
 
 
 class HalfVectors(NamedTuple):
-    """Half vectors (1, N) and their density over 4, D(h) cos_h / 4 (1, N)."""
+    """Half vectors (1, N) and a quarter of their density, D(h) cos_h / 4 (1, N)."""
 
     h: Directions
     quarter_pdf: Values
@@ -67,7 +67,7 @@ class HalfVectors(NamedTuple):
 class Beckmann(Microfacet):
     """D(h) = q / (pi m_x m_y cos_h^4), q = exp(-tan^2(theta_h) (cos^2(phi_h) / m_x^2 + sin^2(phi_h) / m_y^2)).
 
-    Sampled by half vectors of density D cos_h, so that the density of wi is D cos_h / (4 c).
+    Half vectors are sampled with density D cos_h, so the density of wi is D cos_h / (4 c).
 
     Source: Beckmann and Spizzichino 1963; anisotropic as Kurt et al. 2010; Luksch et al. 2014 eq. 4 to 7 and 10.
     """
@@ -94,5 +94,5 @@ class Beckmann(Microfacet):
         return Sample(wi, points.quarter_pdf / c, tuple(F * weight for F in self.F(c)))
 
     def pdf_over_D(self, wo: Directions, h: Directions, c: Values) -> Values:
-        """cos_h / (4 c), eq. 10 over eq. 4."""
+        """cos_h / (4 c): eq. 10 divided by eq. 4."""
         return h.z / (4 * c)

@@ -15,7 +15,7 @@ from glossbench.provenance import source_hash
 
 
 def _material(value: Any) -> Material:
-    """A material as a study states it: a name, or one name with its options."""
+    """A material as written in a study: a name, or one name with its options."""
     if isinstance(value, Material):
         return value
     if isinstance(value, str):
@@ -32,7 +32,7 @@ def _spelled(material: Material) -> dict[str, Any]:
 
 
 class _Schema:
-    """The JSON Schema of a summand: the names of all materials, once they are registered."""
+    """The JSON Schema of a summand: the names of all registered materials."""
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -48,12 +48,12 @@ Summand = Annotated[Any, BeforeValidator(_material), PlainSerializer(_spelled), 
 class Sum(Material):
     """f(wo, wi) = sum of w_k f_k(wo, wi).
 
-    Diffuse parts add up, glossy lobes stand side by side with ks scaled by the weight of their material.
+    Diffuse parts are added; all glossy lobes are kept, with ks multiplied by the weight of their material.
 
     Attributes:
-        of: the materials, each a name or one name with its options, [{kurt: {m: 0.1}}, {phong: {s: 20}}], with at
+        of: the materials, each a name or one name with its options, e.g. [{kurt: {m: 0.1}}, {phong: {s: 20}}], with at
             most 16 lobes together.
-        weights: w_k >= 0, one a material; 1 each where none are stated.
+        weights: w_k >= 0, one per material; all are 1 by default.
     """
 
     of: tuple[Summand, ...]
@@ -70,7 +70,7 @@ class Sum(Material):
             raise InputError(f"sum.of must have at most {MAX_LOBES} lobes together, got {n_lobes}")
 
     def key(self) -> str:
-        """The keys of the materials, the source of each, which no import names, and the weights."""
+        """Keys of the materials, hashes of their source files (this file does not import them), and the weights."""
         parts = [f"{material.key()} {source_hash(type(material))}" for material in self.of]
         return f"{self.name}:{parts}:{list(self.weights)}"
 
@@ -79,7 +79,7 @@ class Sum(Material):
         return self._summed([material.reflectance(device) for material in self.of])
 
     def as_lobes(self, device: str = "cpu") -> Reflectance:
-        """The sum of what methods that draw samples take for each."""
+        """The sum of the lobes from which methods draw samples for each material."""
         return self._summed([material.as_lobes(device) for material in self.of])
 
     def notes(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ Model = Literal["cook_torrance", "ward", "ward_duer", "lafortune"]
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 COLOR = rf"\[({NUMBER}),({NUMBER}),({NUMBER})\]"
 OPTION = rf"\w+=(?:\[{NUMBER},{NUMBER},{NUMBER}\]|{NUMBER})"
-# A line of each file: name = Aggregate(Lambertian(...), its model with these numbers); blanks about signs say nothing.
+# One line per material: name = Aggregate(Lambertian(...), model(numbers)); spaces around punctuation are ignored.
 BLANKS = re.compile(r"\s*([=,()\[\]])\s*")
 LINE = re.compile(rf"([\w.-]+)=Aggregate(?:Bsdf)?\(Lambertian\(albedo={COLOR}\),(\w+)\(({OPTION}(?:,{OPTION})*)\)\);?")
 MODELS: dict[str, tuple[Model, tuple[str, ...]]] = {
@@ -33,18 +33,18 @@ MAX_BYTES = 1 << 24
 
 @MATERIALS.register("ngan")
 class Ngan(Material):
-    """f(wo, wi) of a model fitted to a material of the MERL database, from the catalogue's tables of 86 materials.
+    """f(wo, wi) of a model fitted to a material of the MERL database; the tables of the catalogue have 86 materials.
 
-    cook_torrance: `cook_torrance` with the factor 1/pi, the table's eta being f0: the highlights of its 25 metals,
-    whose Fresnel term is flat, are then 0.87 times those of the Ward fits along the normal (median; 0.73 to 1.04 from
-    the 10th to the 90th percentile). With a D that is not divided by pi it would be 2.7 times. ward: `ward` as of 1992.
-    ward_duer: `ward` as of 2006. lafortune: `lafortune` with C_x = C_y, normalised.
+    cook_torrance: `cook_torrance` with the factor 1/pi; the eta of the table is f0. Along the normal the highlights of
+    its 25 metals, whose Fresnel term is flat, are then 0.87 times those of the Ward fits (median; 10th to 90th
+    percentile 0.73 to 1.04). With a D that is not divided by pi it would be 2.7 times. ward: `ward` with the
+    normalisation of 1992. ward_duer: `ward` with that of 2006. lafortune: `lafortune` with C_x = C_y, normalised.
 
     Attributes:
-        material: one of the table's names.
-        model: cook_torrance, ward or lafortune, by default the first; of a file, by default what it holds.
-        file: path of a table of the same form, .fit, which may be of ward_duer, too; a relative one is looked for here,
-            beside the study and below the folder GLOSSBENCH_DATA.
+        material: one of the names in the table.
+        model: cook_torrance (default), ward or lafortune; with a file, the model of the file is the default.
+        file: path of a table of the same form, .fit, which may also be of ward_duer; a relative one is searched in the
+            current folder, the folder of the study and below GLOSSBENCH_DATA.
 
     Source: Ngan et al. 2005; tables of github.com/bsdfbenchmark/bbm. The fits keep the scale of MERL files, whose
     mirror-like highlights are cut off: chrome reflects 6 %.
@@ -94,10 +94,10 @@ def fits(path: Path, model: Model | None = None) -> dict[str, Material]:
     """The materials of a table by name.
 
     Args:
-        model: that all must be of; by default any of those that are here.
+        model: the model that all lines must have; by default any known model is accepted.
 
     Raises:
-        InputError: a line that is no fit, or one of another model.
+        InputError: a line is not a fit, or has another model.
     """
     require_size(path, "table of fits", MAX_BYTES)
     stat = path.stat()

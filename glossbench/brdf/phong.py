@@ -1,4 +1,4 @@
-"""Phong models: a cosine lobe about the mirror direction, modified (Lafortune and Willems 1994) or without a cosine."""
+"""Phong models: a cosine lobe about the mirror direction, modified (Lafortune and Willems 1994) or the original."""
 
 from dataclasses import dataclass
 
@@ -12,9 +12,9 @@ from glossbench.shapes import Directions, PairValues
 
 @dataclass(frozen=True)
 class UnforeshortenedLobe(CosineLobe):
-    """f = ks (s + 1) / (2 pi) cos^s(alpha) / cos_i: f cos_i is the plain lobe, which integrates to ks.
+    """f = ks (s + 1) / (2 pi) cos^s(alpha) / cos_i: f cos_i is a cosine lobe whose integral is ks.
 
-    f has no bound towards a grazing light, f cos_i has. Not reciprocal. What falls below the surface counts nothing.
+    Towards grazing light f is unbounded; f cos_i is bounded. Not reciprocal. Samples below the surface have weight 0.
     """
 
     def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
@@ -34,17 +34,17 @@ class UnforeshortenedLobe(CosineLobe):
 class Phong(Material):
     """f(wo, wi) = kd / pi + ks (s + 2) / (2 pi) max(wi . r, 0)^s, r the mirror direction of wo.
 
-    Reciprocal. Conserves energy where kd + ks <= 1: ks is the albedo of the lobe seen along the normal. Towards
+    Reciprocal. Conserves energy if kd + ks <= 1: ks is the albedo of the lobe for a view along the normal. Towards
     grazing views the albedo falls to ks (s + 2) / (2 pi) B((s + 1) / 2, 3 / 2), about ks / sqrt(2 pi s).
 
     Without foreshortening it is Phong's own model: the glossy part of f cos_i is ks (s + 1) / (2 pi) cos^s(alpha), the
-    same lobe from all sides. It is not reciprocal.
+    same lobe for all views. That model is not reciprocal.
 
     Attributes:
         s: exponent, in [0, 1e5]; for 0 the lobe is constant on the hemisphere about r.
         ks: factor of the lobe, a scalar or RGB in [0, 1].
         kd: diffuse albedo, a scalar or RGB in [0, 1].
-        foreshortening: the lobe is weakened by cos_i, as all of a surface is.
+        foreshortening: whether the lobe is multiplied by cos_i, as physics asks.
 
     Source: Lafortune and Willems 1994, "Using the modified Phong reflectance model for physically based rendering";
     without foreshortening Phong 1975, and Knuth et al. 2014 eq. 4.

@@ -1,4 +1,4 @@
-"""Public inputs: a name of the catalogue -> a verified file on this machine.
+"""Public inputs: from a name of the catalogue to a verified file on this machine.
 
-It imports the loose files of glossbench alone.
+It imports only the loose files of glossbench.
 """

@@ -1,4 +1,4 @@
-"""A file from the network: verified by its hash, whole or not at all, a broken download continued on the next try."""
+"""Downloads a file and verifies its hash: the file is stored whole or not at all, a broken download is continued."""
 
 import hashlib
 import os
@@ -14,27 +14,27 @@ from urllib3.exceptions import HTTPError
 from glossbench.catalog.folders import DATA_VARIABLE
 from glossbench.errors import InputError
 
-TIMEOUT = (10.0, 30.0)  # seconds: to connect, and without a byte
-SLOWEST = 1000.0  # bytes per second, on average over PATIENCE, or a server is given up
-PATIENCE = 60.0  # seconds
-BLOCK = 1 << 12  # bytes; one that a broken connection cuts is lost
+TIMEOUT = (10.0, 30.0)  # [s] to connect, and to wait for the next byte
+SLOWEST = 1000.0  # [bytes/s] on average over PATIENCE; below it the download is given up
+PATIENCE = 60.0  # [s]
+BLOCK = 1 << 12  # bytes; a block that a broken connection cuts is lost
 
 
 def download(url: str, target: Path, sha256: str, size: int, progress: Callable[[int], None] = lambda n: None) -> Path:
-    """Brings the file of a URL under the name of target.
+    """Downloads the file of a URL and stores it as target.
 
-    Bytes are gathered in `<target>.part` beside it, which a broken download leaves behind and the next one
-    continues (an HTTP range request); a server that sends the whole file anyway starts it anew. One process at
-    a time: another waits, and finds the file.
+    Bytes are gathered in `<target>.part` in the same folder. A broken download leaves this part behind, and the next
+    one continues it by an HTTP range request; if the server sends the whole file instead, the part is overwritten.
+    One process downloads at a time: another one waits, then finds the file.
 
     Args:
-        sha256: of the file; other bytes are thrown away.
-        size: of the file, in bytes.
-        progress: told the bytes that are here, while they arrive.
+        sha256: hash of the file; a file with another hash is deleted.
+        size: size of the file [bytes].
+        progress: is called with the number of bytes received so far.
 
     Raises:
-        InputError: the server cannot be reached or has no such file, the bytes stop early or are others, or the
-            folder cannot be written.
+        InputError: the server cannot be reached or does not have the file, the download stops early, its hash is
+            wrong, or the folder cannot be written.
     """
     part = target.with_name(f"{target.name}.part")
     try:
@@ -60,15 +60,15 @@ def host(url: str) -> str:
 
 
 def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -> None:
-    """Appends to the part what it lacks, and no byte beyond the size."""
+    """Appends the missing bytes to the part, and stops once it is longer than the size."""
     have = part.stat().st_size if part.exists() else 0
     if have > size:
         have = 0
-    # Compressed by the server, the bytes asked for would be others.
+    # A range of a compressed answer would be other bytes than those of the file.
     headers = {"Accept-Encoding": "identity", **({"Range": f"bytes={have}-"} if have else {})}
     with requests.get(url, headers=headers, stream=True, timeout=TIMEOUT) as answer:
         if have and answer.status_code == requests.codes.requested_range_not_satisfiable:
-            part.unlink()  # longer than the server's file: no beginning of it
+            part.unlink()  # the part is longer than the server's file, so it is not the beginning of that file
             return _receive(url, part, size, progress)
         if not answer.ok:
             status = f"{answer.status_code} {answer.reason}"
@@ -82,11 +82,11 @@ def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -
             try:
                 while block := answer.raw.read1(
                     BLOCK, decode_content=True
-                ):  # what is there, and does not wait for a whole block
+                ):  # returns the bytes that have arrived, without waiting for a whole block
                     have += file.write(block)
                     progress(have)
                     if have > size:
-                        return  # the hash tells
+                        return  # the hash check refuses it
                     if (seconds := time.monotonic() - since) >= PATIENCE:
                         if have - before < SLOWEST * seconds:
                             raise InputError(
@@ -95,7 +95,7 @@ def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -
                             )
                         since, before = time.monotonic(), have
             except HTTPError:
-                pass  # what came is kept
+                pass  # the bytes received so far are kept
     if have < size:
         raise InputError(f"{host(url)} broke off after {have} of {size} bytes; the same command goes on from there")
 
@@ -112,7 +112,7 @@ def _by_hand(target: Path) -> str:
 
 
 def _reason(error: requests.RequestException) -> str:
-    """The innermost cause in a few words: requests wraps it in those of the libraries below it."""
+    """The innermost cause in a few words: requests wraps it in errors of the libraries that it uses."""
     if isinstance(error, requests.Timeout):
         return "no answer in time"
     cause: BaseException = error

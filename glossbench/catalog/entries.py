@@ -1,4 +1,4 @@
-"""The catalogue of public inputs: a name -> a verified file on this machine."""
+"""The catalogue of public inputs: from a name to a verified file on this machine."""
 
 import hashlib
 import logging
@@ -22,15 +22,15 @@ class Entry:
     """A public file.
 
     Attributes:
-        name: in studies and on the command line.
+        name: its name in studies and on the command line.
         kind: environment, brdf or mesh.
-        file: its name on disk.
-        url: where it comes from, pinned to a commit.
-        sha256: of its bytes.
-        bytes: its size.
-        licence: what its authors allow, as they state it.
-        stresses: what it is good for in a study.
-        reading: of an environment, how its file is to be understood: options of the light `file`.
+        file: its file name on disk.
+        url: its source, pinned to a commit.
+        sha256: the hash of its bytes.
+        bytes: its size [bytes].
+        licence: what its authors allow, in their words.
+        stresses: which property of a method it tests.
+        reading: for an environment, how to read its file: options of the light `file`.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Entry:
     reading: dict[str, Any] = field(default_factory=dict)
 
     def local(self) -> Path | None:
-        """The file where it is here already, below GLOSSBENCH_DATA or fetched; its hash is checked."""
+        """The file if it is below GLOSSBENCH_DATA or was fetched before, and its hash is right; otherwise None."""
         for folder in data_folders():
             for path in sorted(folder.rglob(self.file)):
                 if path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == self.sha256:
@@ -53,16 +53,16 @@ class Entry:
 
 
 def entries(kind: str | None = None) -> list[Entry]:
-    """The catalogue, or those of its entries that are of one kind."""
+    """All entries of the catalogue, or those of one kind."""
     if kind is not None and kind not in KINDS:
         raise InputError(f"unknown kind {kind!r}{nearest(kind, KINDS)}")
     text = (files("glossbench.data") / "catalog.yaml").read_text(encoding="utf-8")
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C where it was built: seven times as fast
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C loader, if it was built, is seven times as fast
     return [Entry(**item) for item in yaml.load(text, loader) if kind in (None, item["kind"])]
 
 
 def entry(name: str) -> Entry:
-    """One entry; InputError with the nearest name when there is none."""
+    """The entry of a name; an unknown name raises InputError with the nearest name."""
     known = {e.name: e for e in entries()}
     if name not in known:
         raise InputError(f"the catalogue has no {name!r}{nearest(name, known)}")
@@ -70,7 +70,7 @@ def entry(name: str) -> Entry:
 
 
 def fetch_once(name: str) -> Path:
-    """`fetch` for what asks again and again: the file is looked for and verified once a process."""
+    """`fetch` for repeated calls: the file is searched and verified once per process."""
     return _fetched(name, tuple(data_folders()))
 
 
@@ -80,19 +80,19 @@ def _fetched(name: str, folders: tuple[Path, ...]) -> Path:
 
 
 def fetch(name: str, progress: Callable[[int], None] = lambda n: None) -> Path:
-    """The verified file of a name, brought here if it is not: whole or not at all.
+    """The verified file of a name. If it is not on this machine, it is downloaded, whole or not at all.
 
     Args:
-        progress: told the bytes that are here, while they arrive.
+        progress: is called with the number of bytes received so far.
 
     Raises:
-        InputError: unknown name, no network, or bytes that have not the catalogue's hash.
+        InputError: the name is unknown, the network fails, or the hash of the bytes is not the catalogue's.
     """
     wanted = entry(name)
     here = wanted.local()
     if here is not None:
         return here
-    from glossbench.catalog.download import download, host  # what a file that is here already need not wait for
+    from glossbench.catalog.download import download, host  # imported here: a file found above does not need them
 
     logging.getLogger("glossbench").warning(
         "%s is not here: fetching %.1f MB from %s", wanted.file, wanted.bytes / 1e6, host(wanted.url)

@@ -9,11 +9,11 @@ DATA_VARIABLE = "GLOSSBENCH_DATA"
 
 
 def cache_folder() -> Path:
-    """Where fetched files lie."""
+    """The folder of fetched files."""
     return user_cache_path("glossbench")
 
 
 def data_folders() -> list[Path]:
-    """Folders of public files that are there: the one that GLOSSBENCH_DATA names, then that of fetched files."""
+    """The existing folders of public files: the one that GLOSSBENCH_DATA names, then the folder of fetched files."""
     named = os.environ.get(DATA_VARIABLE)
     return [folder for folder in ([Path(named)] if named else []) + [cache_folder()] if folder.is_dir()]

@@ -1,4 +1,4 @@
-"""Where a file is that a study names: here, beside the study, or among the public files."""
+"""Finds a file that a study names: in the current folder, in the folder of the study, or among the public files."""
 
 import os
 from pathlib import Path
@@ -8,14 +8,14 @@ from glossbench.errors import InputError
 
 
 def locate(file: str, beside: Path | None = None, what: str = "image file") -> Path:
-    """The existing file that a name means: as it stands, beside the study, below GLOSSBENCH_DATA, or fetched.
+    """Finds an existing file by its path, tried in this order: as given, relative to the study, among the public files.
 
     Raises:
         InputError: no such file in any of these places.
     """
     folder = os.environ.get(DATA_VARIABLE)
     for place in [Path(file), *([beside / file] if beside else [])]:
-        if os.path.isfile(place):  # false, where Path.is_file raises: for a name too long
+        if os.path.isfile(place):  # for a name that is too long it returns False; Path.is_file raises an error
             return place
     for data in [] if Path(file).is_absolute() else data_folders():
         matching = [p for p in sorted(data.rglob("*")) if p.as_posix().endswith(f"/{file}") and p.is_file()]

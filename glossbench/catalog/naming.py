@@ -1,4 +1,4 @@
-"""Names of the catalogue beside those of registries: what else a name means, and a registered class for each file."""
+"""Names of the catalogue in registries: one registered class per file, and a hint if a name is of another kind."""
 
 from collections.abc import Iterable
 from typing import TypeVar
@@ -12,12 +12,12 @@ T = TypeVar("T", bound=Options)
 
 
 def kind_in_catalog(name: str) -> str:
-    """The end of a message on a name that the catalogue knows as another kind of thing; empty where it knows none."""
+    """The end of an error message if the catalogue has this name as another kind of thing, else an empty string."""
     return next((f"; the catalogue has {KINDS[each.kind]} of this name" for each in entries() if each.name == name), "")
 
 
 def register_entries(registry: Registry[T], base: type[T], stated: Iterable[Entry], documented: type[T]) -> None:
-    """A class of a base for each file of the catalogue, so that its name is one like any other.
+    """Registers one subclass of base per file of the catalogue, so that its name works like any other name.
 
     Args:
         documented: the class whose docstring describes the options, after its first paragraph.

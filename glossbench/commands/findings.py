@@ -24,7 +24,9 @@ def findings(
     from glossbench.errors import InputError
     from glossbench.findings.page import findings_page
     from glossbench.findings.summary import Summary
+    from glossbench.findings.verdicts import judge
     from glossbench.run.results import Results
+    from glossbench.study.claims import stated_claims
 
     if output.suffix != ".md":
         raise InputError(f"{output}: the page must end in .md, got {output.suffix!r}")
@@ -34,7 +36,9 @@ def findings(
         if not each.disk.manifest.is_finished:
             raise InputError(f"{each.folder} is not finished; the same `glossbench run` continues it")
     for each in opened:
-        summary = Summary(each.study, each.claims, each.provenance, each.cells)
+        cells = each.cells
+        verdicts = judge(stated_claims(each.study), cells)  # by the rules of this version
+        summary = Summary(each.folder.resolve().name, each.study, verdicts, each.provenance, cells)
         summary.write(kept / summary.name)
     folders = sorted(path.parent for path in kept.glob("*/claims.json"))
     if not folders:

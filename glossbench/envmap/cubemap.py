@@ -1,7 +1,7 @@
-"""Cube maps: the one place where a direction becomes a texel and a texel a direction.
+"""Cube maps: the only module that converts directions to texels and texels to directions.
 
-Faces are images as a camera at the origin sees them, in the order +x, -x, +y, -y, +z, -z of a right-handed world
-with +y up; forward is -z (face 5), so a vertical cross unfolds into faces without a mirror. Row 0 is the top.
+Faces are images seen by a camera at the origin, in the order +x, -x, +y, -y, +z, -z. The world is right-handed with
++y up and forward -z (face 5), so no face of a vertical cross is mirrored. Row 0 is the top.
 
     face   normal   to the right (s)   down (t)
     0 +x    +x           +z               -y
@@ -36,17 +36,17 @@ _DOWN = torch.tensor([[0, -1, 0], [0, -1, 0], [0, 0, -1], [0, 0, 1], [0, -1, 0],
 
 @dataclass(frozen=True)
 class CubeMap:
-    """Incoming radiance as a cube of texels: the light of everything that is shaded.
+    """Incoming radiance as a cube of texels: the light that shades every surface.
 
-    Between texel centres the radiance is interpolated bilinearly, across edges too; that interpolant is the light
-    that the reference integrates and that every method approximates.
+    Between texel centres the radiance is interpolated bilinearly, across edges too. The reference integrates this
+    interpolated light, and every method approximates it.
 
     Attributes:
         faces: radiance (6, R, R, 3), float32, finite, not negative, linear Rec. 709; R a power of two.
-        key: what the light is, as text: a hash of the file or the options that made it; unique where nothing is given.
+        key: text that identifies the light: a hash of its file, or the options that made it; unique by default.
     """
 
-    faces: Tensor  # not Faces: a wrong shape is a user's, and refused below
+    faces: Tensor  # not the type Faces: users can pass a wrong shape, which is refused below
     key: str = field(default_factory=lambda: f"unnamed {uuid4().hex}")
 
     def __post_init__(self) -> None:
@@ -71,7 +71,7 @@ class CubeMap:
     def mean(self) -> Float64[Tensor, "3"]:
         """Mean radiance over the sphere."""
         weight = texel_solid_angles(self.resolution).to(self.faces.device)[:, :, None]
-        # A face at a time, for the memory.
+        # One face at a time saves memory.
         return torch.stack([(face.double() * weight).sum((0, 1)) for face in self.faces]).sum(0) / (4 * pi)
 
     def irradiance(self, n: PointDirections) -> Irradiance:
@@ -85,7 +85,7 @@ class CubeMap:
         for rows, texels in texel_rows(self.resolution):
             d = stack(texels).reshape(-1, 3).to(self.faces.device)
             weighted = (self.faces[:, rows].double() * solid_angle[rows, :, None]).reshape(-1, 3)
-            # One normal at a time: all texels times all normals may not fit.
+            # One normal at a time: all texels times all normals may not fit into memory.
             total += torch.stack([(d @ normal).clamp(min=0).double() @ weighted for normal in normals])
         return total
 
@@ -93,7 +93,7 @@ class CubeMap:
 def texel_directions(resolution: int, samples: int = 1) -> Vec3:
     """Unit directions through the texel centres, components of shape (6, R, R).
 
-    With samples = k, of the k x k sub-texel centres: components of shape (6, k R, k R).
+    With samples = k: directions through the k x k sub-texel centres, components of shape (6, k R, k R).
     """
     n = resolution * samples
     s = (torch.arange(n, dtype=torch.float64) * 2 + 1) / n - 1
@@ -101,7 +101,7 @@ def texel_directions(resolution: int, samples: int = 1) -> Vec3:
 
 
 def texel_rows(resolution: int) -> Iterator[tuple[slice, Vec3]]:
-    """Rows of texels of all six faces, so many at a time that memory is bounded, with the directions (6, rows, R)."""
+    """Blocks of rows of all six faces, each with its directions (6, rows, R); the size of a block bounds the memory."""
     s = (torch.arange(resolution, dtype=torch.float64) * 2 + 1) / resolution - 1
     step = max(1, _TEXELS // (6 * resolution))
     for row in range(0, resolution, step):
@@ -120,7 +120,7 @@ def face_directions(s: Tensor, t: Tensor) -> Vec3:
 
 
 def face_coordinates(d: Directions) -> tuple[Int[Tensor, "*#pairs"], Values, Values, Values]:
-    """Where a direction meets the cube [-1, 1]^3: (face int32, s, t in [-1, 1], major).
+    """The point where a direction hits the cube [-1, 1]^3: (face int32, s, t in [-1, 1], major).
 
     major = max(|x|, |y|, |z|); for a unit direction the cube is hit at distance 1 / major.
     """
@@ -130,7 +130,8 @@ def face_coordinates(d: Directions) -> tuple[Int[Tensor, "*#pairs"], Values, Val
     on_y = (ay == major) & ~on_x
     negative = torch.where(on_x, d.x, torch.where(on_y, d.y, d.z)) < 0
     face = (torch.where(on_x, 0, torch.where(on_y, 2, 4)) + negative).int()
-    # s is z on the x faces and -x on the z faces, with the sign of the face, and x on the y faces; t is -y but there.
+    # s is z on the x faces and -x on the z faces, times the sign of the face, and x on the y faces; t is -y, on the y
+    # faces -z times the sign of the face.
     side = torch.where(on_x, d.z, -d.x)
     s = torch.where(on_y, d.x, torch.where(negative, -side, side))
     t = torch.where(on_y, torch.where(negative, d.z, -d.z), -d.y)
@@ -153,8 +154,8 @@ def texel_solid_angles(resolution: int) -> Float64[Tensor, "{resolution} {resolu
 def bordered(faces: Tensor, width: int = 1) -> Tensor:
     """Faces (6, R, R, C) with a border of `width` texels from the adjoining faces: (6, R + 2w, R + 2w, C).
 
-    Border row k beyond an edge is row k inside the adjoining face. Beyond a corner of the cube there is no texel:
-    there the mean of the three texels that meet at that corner stands for it.
+    Border row k beyond an edge is row k inside the adjoining face. Beyond a corner of the cube there is no texel: the
+    border holds the mean of the three texels that meet at this corner.
     """
     r = faces.shape[1]
     out = faces.new_empty(6, r + 2 * width, r + 2 * width, faces.shape[3])
@@ -178,7 +179,7 @@ def bordered(faces: Tensor, width: int = 1) -> Tensor:
 def _edge_texels(resolution: int, width: int) -> Tensor:
     """Flat texel index (6, 4, width, R) of the neighbours at depth k beyond the top, bottom, left and right edge."""
     along = (torch.arange(resolution) * 2 + 1) / resolution - 1
-    # What lies e beyond the edge of a face folds down onto the adjoining face, at depth e below that edge.
+    # A point e beyond the edge of a face folds down onto the adjoining face, at depth e below that edge.
     depth = (torch.arange(width) * 2 + 1)[:, None] / resolution
     along, depth = along.expand(width, resolution), depth.expand(width, resolution)
     one = torch.ones_like(along)

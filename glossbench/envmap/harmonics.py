@@ -1,4 +1,4 @@
-"""Real spherical harmonics: projection of a light, and the irradiance that follows from nine coefficients."""
+"""Real spherical harmonics: projection of a light, and its irradiance from nine coefficients."""
 
 from math import factorial, pi, sqrt
 
@@ -12,7 +12,7 @@ from glossbench.envmap.cubemap import CubeMap, texel_directions, texel_solid_ang
 def sh_basis(d: Vec3, order: int) -> list[Tensor]:
     """Real orthonormal Y_lm(d) for l < order, in the order l^2 + l + m; order^2 tensors of the shape of d.x.
 
-    Y_lm = K_lm P_l|m|(z) (sqrt(2) Re or Im (x + i y)^|m|), with the Legendre recurrence in z freed of sin^m:
+    Y_lm = K_lm P_l|m|(z) (sqrt(2) Re or Im (x + i y)^|m|), with the Legendre recurrence in z without the factor sin^m:
     P_mm = (2m - 1)!!, P_(m+1)m = (2m + 1) z P_mm, (l - m) P_lm = (2l - 1) z P_(l-1)m - (l + m - 1) P_(l-2)m.
     No Condon-Shortley phase: Y_11 is positive at +x.
     """
@@ -37,8 +37,8 @@ def sh_basis(d: Vec3, order: int) -> list[Tensor]:
 def project(light: CubeMap, order: int) -> Tensor:
     """Coefficients L_lm = sum over texels of L Y_lm times the texel's exact solid angle: (order^2, 3), float64.
 
-    Of a cube finer than 128, blocks of texels are summed first and share the Y_lm of their centre: that moves a
-    coefficient by less than 1e-4 of the light's power for order 3.
+    In a cube finer than 128, blocks of texels are summed first and use the Y_lm of their centre. For order 3 this
+    changes a coefficient by less than 1e-4 of the light's power.
     """
     device = light.faces.device
     n = min(light.resolution, 128)
@@ -52,8 +52,8 @@ def project(light: CubeMap, order: int) -> Tensor:
 def irradiance_coefficients(light: CubeMap) -> Tensor:
     """Coefficients of E(n) = integral of L max(n . wi, 0) dwi by bands 0 to 2: (9, 3), float32.
 
-    E_lm = A_l L_lm with A = pi, 2 pi / 3, pi / 4. What bands above 2 would add is lost: at most a few percent for
-    natural light, and E may dip below zero opposite a single strong light.
+    E_lm = A_l L_lm with A = pi, 2 pi / 3, pi / 4. Bands above 2 are left out: at most a few percent for natural light;
+    E may be negative opposite a single strong light.
 
     Source: Ramamoorthi and Hanrahan 2001 eq. 8.
     """

@@ -1,4 +1,4 @@
-"""Sampling a light by its luminance: marginal and conditional distributions over texels, and their density."""
+"""Samples a light by its luminance: marginal and conditional distributions over texels, and their density."""
 
 from dataclasses import dataclass
 
@@ -15,9 +15,9 @@ class LightDistribution:
     """A density over directions, constant in the face coordinates of each texel.
 
     Attributes:
-        density: probability of a texel over its area in face coordinates, P_texel R^2 / 4, (6 R R,), float32.
+        density: probability of a texel divided by its area in face coordinates, P_texel R^2 / 4, (6 R R,), float32.
         marginal: cumulative probability of the 6 R rows of texels, (6 R + 1,), float64.
-        conditional: cumulative probability along each row, plus the row's number, so that it increases over all,
+        conditional: cumulative probability along each row, plus the row's number, so that it increases over all rows,
             (6 R R,), float64.
         resolution: R.
     """
@@ -30,8 +30,8 @@ class LightDistribution:
     def sample(self, u: Tensor) -> tuple[Vec3, Tensor]:
         """Directions (N,) from points (N, 2) of the unit square, and their pdf (N,) [1/sr].
 
-        u1 chooses the row and u2 the column; what is left of each places the direction inside the texel, so a
-        stratified point set stays stratified.
+        u1 chooses the row and u2 the column; their remainders place the direction inside the texel, so a stratified
+        point set stays stratified.
         """
         r = self.resolution
         u1, u2 = u[:, 0].double(), u[:, 1].double()
@@ -46,12 +46,12 @@ class LightDistribution:
         all_faces = face_directions(s, t)
         face = row // r
         d = Vec3(*(c.to(face.device).gather(0, face[None])[0] for c in all_faces))
-        # The chosen texel's own density: in float32 a direction on its rim may fall into a black neighbour.
+        # The density of the chosen texel: in float32 a direction at its edge may fall into a black neighbour.
         major = torch.maximum(torch.maximum(d.x.abs(), d.y.abs()), d.z.abs())
         return d, self.density[index] / (major * major * major)
 
     def pdf(self, d: Vec3) -> Tensor:
-        """Density [1/sr] at unit directions: density * (area of the face over solid angle) = density / major^3."""
+        """Density [1/sr] at unit directions: density * (area on the face per solid angle) = density / major^3."""
         face, s, t, major = face_coordinates(d)
         r = self.resolution
         column = ((s + 1) * (0.5 * r)).int().clamp(0, r - 1)
@@ -60,10 +60,10 @@ class LightDistribution:
 
 
 def luminance_distribution(light: CubeMap) -> LightDistribution:
-    """A texel's probability is proportional to its solid angle times the mean luminance of the light over it.
+    """The distribution whose probability per texel is proportional to solid angle times mean luminance of the light.
 
-    The mean is that of the bilinear interpolant, [1 6 1] / 8 along each axis, so that the density is positive
-    wherever the light is. A light that is black everywhere is sampled uniformly.
+    The mean is over the bilinear interpolant, [1 6 1] / 8 along each axis, so the density is positive wherever the
+    light is. A light that is black everywhere is sampled uniformly.
     """
     r = light.resolution
     weights = torch.tensor(LUMINANCE, dtype=torch.float32, device=light.faces.device)

@@ -1,4 +1,4 @@
-"""Dual paraboloid maps: two square images, each of a hemisphere and a rim of the other one."""
+"""Dual paraboloid maps: two square images; each shows one hemisphere and a rim of the other one."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ SCALE = 1.2  # b of the paper
 
 @dataclass(frozen=True)
 class Paraboloid(MipTable):
-    """A MIP-mapped dual paraboloid map, each half filtered on its own.
+    """A MIP-mapped dual paraboloid map; both images are filtered separately.
 
     Image coordinates in [-1, 1]^2: s = x / (b (1 + |z|)), t = -y / (b (1 + |z|)), b = 1.2; image 0 shows z < 0
     (forward), image 1 z >= 0.
@@ -29,12 +29,12 @@ class Paraboloid(MipTable):
         return self.bilinear((d.z >= 0).int(), d.x * inverse + 0.5, 0.5 - d.y * inverse, lod)
 
     def log2_texels_per_sr(self, d: Vec3) -> Tensor:
-        """log2(w h / r(z)), r(z) = 4 b^2 (|z| + 1)^2 the solid angle of the unit square of one image at z."""
+        """log2(w h / r(z)); r(z) = 4 b^2 (|z| + 1)^2 is the solid angle per image area at z, the image being 1 x 1."""
         return 2 * (torch.log2(self.sizes[0].float()) - torch.log2(2 * SCALE * (d.z.abs() + 1)))
 
 
 def build_paraboloid(light: CubeMap, mip_filter: MipFilter) -> Paraboloid:
-    """Both images at twice the edge of a cube face, which spends about as many texels a steradian, and all levels.
+    """All levels of both images, at twice the resolution of a cube face: about as many texels per steradian.
 
     A texel is the mean of the light at its 2x2 sub-texel centres.
     """
@@ -52,7 +52,7 @@ def build_paraboloid(light: CubeMap, mip_filter: MipFilter) -> Paraboloid:
 def paraboloid_directions(resolution: int) -> Vec3:
     """Unit directions of the texel centres, components (2, R, R).
 
-    With p = b (s, t) the paraboloid's point: |z| = (1 - p^2) / (1 + p^2), negative beyond the own hemisphere.
+    p = b (s, t) is a point of the paraboloid: |z| = (1 - p^2) / (1 + p^2), negative beyond the image's hemisphere.
     """
     p = SCALE * ((torch.arange(resolution, dtype=torch.float64) * 2 + 1) / resolution - 1)
     x, y = p[None, :].expand(resolution, resolution), -p[:, None].expand(resolution, resolution)

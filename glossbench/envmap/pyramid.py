@@ -1,7 +1,7 @@
-"""MIP pyramids of a cube and the seamless trilinear lookup.
+"""MIP pyramids of a cube, and the trilinear lookup without seams.
 
-All levels lie in one flat table of texels, each face with a one-texel border from its neighbours, so that a lookup
-is eight rows of the table and eight weights, without a branch. Level l has R / 2^l texels along an edge.
+All levels lie in one flat table of texels. Each face has a one-texel border from its neighbours, so a lookup is eight
+rows of the table and eight weights, without a branch. Level l has R / 2^l texels along an edge.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from glossbench.shapes import Directions, Faces, PointDirections, Radiance, Texe
 
 MipFilter = Literal["box", "gauss4", "gauss6"]
 
-# One row of each separable filter, over its sum: binomial coefficients (Luksch et al. 2014, section 3).
+# One row of each separable filter, before division by its sum: binomial coefficients (Luksch et al. 2014, section 3).
 FILTERS: dict[str, tuple[float, ...]] = {
     "box": (1, 1),
     "gauss4": (1, 3, 3, 1),
@@ -33,20 +33,20 @@ Border = Callable[[Tensor, int], Tensor]  # images (K, R, R, 3), width -> images
 
 
 class Environment(Protocol):
-    """Texels at several resolutions, and where a direction meets them."""
+    """Texels at several resolutions, and the texels that a direction reads."""
 
     @property
     def texels(self) -> Texels:
-        """All of them, level by level."""
+        """All texels, level by level."""
 
     def taps(self, d: Directions, lod: Values | None) -> Taps:
         """K rows of `texels`, int32, and their K weights for unit directions.
 
-        lod: level, trilinear, clamped to the levels there are; None reads level 0 alone.
+        lod: level, for trilinear interpolation, clamped to the existing levels; None reads only level 0.
         """
 
     def log2_texels_per_sr(self, d: Directions) -> Values:
-        """log2 of the number of level-0 texels a steradian around a unit direction."""
+        """log2 of the number of level-0 texels per steradian around a unit direction."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class MipTable:
     def bilinear(self, image: Int[Tensor, "*#pairs"], s: Values, t: Values, lod: Values | None) -> Taps:
         """Rows and weights at image coordinates s (right), t (down) in [0, 1].
 
-        Eight, bilinear in two levels and linear between them; four of level 0 where lod is None.
+        There are eight, bilinear in two levels and linear between them; or four of level 0 if lod is None.
         """
         if lod is None:
             pairs = [(torch.zeros_like(image), torch.ones_like(s))]
@@ -79,7 +79,7 @@ class MipTable:
         rows, weights = [], []
         for level, share in pairs:
             size = self.sizes[level]
-            # The border shifts texels by 1, their centres by 1/2: x = s n - 1/2 + 1.
+            # The border shifts texels by 1, centres are shifted by 1/2: x = s n - 1/2 + 1.
             x, y = s * size + 0.5, t * size + 0.5
             i, j = x.int(), y.int()
             fx, fy = x - i, (y - j) * share
@@ -93,7 +93,7 @@ class MipTable:
 
 @dataclass(frozen=True)
 class Pyramid(MipTable):
-    """A cube at every power of two up to its own: six images, faces of the cube."""
+    """A cube at every power of two up to its own resolution; the six images are its faces."""
 
     def level(self, level: int) -> Faces:
         """Faces of one level without borders."""
@@ -101,12 +101,12 @@ class Pyramid(MipTable):
         return self.texels[start : start + 6 * (n + 2) ** 2].view(6, n + 2, n + 2, 3)[:, 1:-1, 1:-1]
 
     def taps(self, d: Directions, lod: Values | None) -> Taps:
-        """Rows and weights for unit directions; seamless, the borders being the neighbours' texels."""
+        """Rows and weights for unit directions; without seams, because borders hold the texels of neighbours."""
         face, s, t, _ = face_coordinates(d)
         return self.bilinear(face, s * 0.5 + 0.5, t * 0.5 + 0.5, lod)
 
     def log2_texels_per_sr(self, d: Directions) -> Values:
-        """log2(R^2 / (4 major^3)): a texel of the face [-1, 1]^2 spans 4 / R^2, seen under the cube of major."""
+        """log2(R^2 / (4 major^3)): a texel has area 4 / R^2 on the face [-1, 1]^2 and subtends 4 major^3 / R^2."""
         major = torch.maximum(torch.maximum(d.x.abs(), d.y.abs()), d.z.abs())
         return 2 * torch.log2(self.sizes[0].float()) - 2 - 3 * torch.log2(major)
 
@@ -120,8 +120,8 @@ def finest(light: CubeMap) -> Pyramid:
 def build_pyramid(light: CubeMap, mip_filter: MipFilter) -> Pyramid:
     """All levels of a light, each filtered from the one before, across edges too.
 
-    A coarse texel is the separable weighted mean of 2x2, 4x4 or 6x6 fine texels about it, each texel counting the
-    same: not by solid angle, as in the paper and on graphics hardware.
+    A coarse texel is the separable weighted mean of the 2x2, 4x4 or 6x6 fine texels around it. As in the paper and on
+    graphics hardware, texels are not weighted by solid angle.
 
     Source: Luksch et al. 2014, section 3.
     """
@@ -130,7 +130,7 @@ def build_pyramid(light: CubeMap, mip_filter: MipFilter) -> Pyramid:
 
 
 def mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) -> tuple[Tensor, Tensor, Tensor]:
-    """Table, offsets and sizes of images (K, R, R, 3), each level the halved one before, down to one texel."""
+    """Table, offsets and sizes of images (K, R, R, 3); each level is half of the level before, down to one texel."""
     n_images, resolution = images.shape[:2]
     sizes = [resolution >> level for level in range(resolution.bit_length())]
     counts = [n_images * (n + 2) ** 2 for n in sizes]
@@ -146,14 +146,14 @@ def mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) -> tuple
 
 
 def halve(padded: Tensor, taps: tuple[float, ...]) -> Tensor:
-    """Images of R texels, padded by len(taps) / 2 - 1, -> R / 2: the separable filter centred on each 2x2 block."""
+    """Halves images of R texels, padded by len(taps) / 2 - 1: the separable filter is centred on each 2x2 block."""
     height, width = (n - len(taps) + 1 for n in padded.shape[1:3])
     rows = _combine([padded[:, k : k + height : 2] for k in range(len(taps))], taps)
     return _combine([rows[:, :, k : k + width : 2] for k in range(len(taps))], taps)
 
 
 def _combine(slices: list[Tensor], taps: tuple[float, ...]) -> Tensor:
-    """sum of taps[k] slices[k] / sum(taps), of a symmetric filter: a pair of slices shares its tap."""
+    """sum of taps[k] slices[k] / sum(taps) for a symmetric filter: two slices share each tap."""
     half, total = len(taps) // 2, sum(taps)
     out = (slices[half - 1] + slices[half]).mul_(taps[half] / total)
     for k in range(half - 1):
@@ -162,9 +162,9 @@ def _combine(slices: list[Tensor], taps: tuple[float, ...]) -> Tensor:
 
 
 def weighted_radiance(environment: Environment, d: Directions, lod: Values | None, weight: Channels) -> Radiance:
-    """sum over samples of weight * L(d, lod), from directions, levels and weights (P, N).
+    """Sum over samples of weight * L(d, lod), from directions, levels and weights (P, N).
 
-    One gather and sum without temporaries for a grey weight, one a channel for a coloured weight.
+    A grey weight takes one fused gather and sum without temporaries, a coloured weight one per channel.
     """
     rows, shares = environment.taps(d, lod)
     table = torch.stack(rows, dim=-2).flatten(1)

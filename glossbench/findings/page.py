@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
+from glossbench.findings.comparisons import EQUAL, HOLDS, NOISE
 from glossbench.findings.legends import explain_verdicts
 from glossbench.findings.summary import Summary
 
@@ -18,7 +19,7 @@ def findings_page(summaries: Sequence[Summary], studies: Collection[str] = (), e
         studies: names of all existing studies; those without a summary are listed at the end.
         earlier: text that follows this list, about verdicts that are not in the summaries.
     """
-    counts = Counter(str(claim["verdict"]) for summary in summaries for claim in summary.claims)
+    counts: Counter[str] = Counter(str(claim["verdict"]) for summary in summaries for claim in summary.claims)
     total = "; ".join(f"{word}: {count}" for word, count in counts.most_common())
     words = [f"- *{word}*: {text}" for word, text in explain_verdicts([c for s in summaries for c in s.claims]).items()]
     parts = [
@@ -27,7 +28,7 @@ def findings_page(summaries: Sequence[Summary], studies: Collection[str] = (), e
         "computes the cells again, and `glossbench info STUDY` says what a study compares. Numbers in brackets are "
         "95 % intervals from the noise of the reference.",
         MADE,
-        f"{sum(counts.values())} claims of {len(summaries)} studies. {total}.",
+        f"Claims of the studies with a summary ({len(summaries)}): {total}.",
         "\n".join(words),
     ]
     for summary in sorted(summaries, key=lambda summary: summary.name):
@@ -66,9 +67,12 @@ def _section(summary: Summary) -> Iterator[str]:
 
 
 def _cases(claim: Mapping[str, Any]) -> str:
-    """The number of cases with each verdict, in words."""
+    """How many cases hold, of how many, and how many are undecided."""
     counts = Counter(str(case["verdict"]) for case in claim["numbers"])
-    return ", ".join(f"{count} {word}" for word, count in counts.most_common()) or "none"
+    if not counts:
+        return "none"
+    undecided = [f"{counts[word]} {word}" for word in (EQUAL, NOISE) if counts[word]]
+    return ", ".join([f"{counts[HOLDS]} of {counts.total()} hold", *undecided])
 
 
 def _numbers(claim: Mapping[str, Any]) -> str:

@@ -22,21 +22,18 @@ class Summary:
     """What one run of a study found.
 
     Attributes:
+        name: of the study, as the folder of its results is called.
         study: the resolved study.
         claims: the verdicts.
         provenance: versions, machine, times.
         cells: one row for each cell.
     """
 
+    name: str
     study: dict[str, Any]
     claims: list[dict[str, Any]]
     provenance: dict[str, Any]
     cells: pandas.DataFrame
-
-    @property
-    def name(self) -> str:
-        """The name of the study."""
-        return str(self.study["name"])
 
     @classmethod
     def read(cls, folder: Path) -> "Summary":
@@ -49,6 +46,7 @@ class Summary:
         if missing:
             raise InputError(f"{folder} holds no summary: there is no {missing[0]} in it")
         return cls(
+            folder.name,
             read_document(folder / "study.yaml").data,
             loads((folder / "claims.json").read_bytes()),
             loads((folder / "provenance.json").read_bytes()),

@@ -101,7 +101,7 @@ class _Table:
                     where = _listed([self._place(row), _shown(row, varying)])
                     cases.append(value_case(claim, row["side"], where))
         verdict, summary = conclude(cases, quantity, notes, sides)
-        judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict}
+        judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict, "quantity": quantity}
         return {**judgement, "numbers": [case.as_numbers() for case in cases], "summary": summary}
 
     def picked(self, claim: Claim, side: Stated, notes: Counter[str]) -> list[Row]:

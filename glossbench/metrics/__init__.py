@@ -1,7 +1,7 @@
-"""Metrics: how far an image is from the reference, over the pixels that show the surface.
+"""Metrics: how much an image differs from the reference, over the pixels that show the surface.
 
-It imports process, catalog and the loose files. A metric sees arrays: an image or a reference is
-anything that `HasRadiance`.
+It imports process, catalog and the loose files. A metric works on arrays: an image or a reference is
+anything that satisfies `HasRadiance`.
 """
 
 from glossbench.metrics.metric import METRICS, HasRadiance, Metric

@@ -21,9 +21,9 @@ class MeanAbsoluteError(Metric):
 
 @METRICS.register("mean_relative_error")
 class MeanRelativeError(Metric):
-    """Mean of the absolute error over the reference at the same place, where that is above 0; elsewhere it counts as 0.
+    """Mean of the absolute error divided by the reference at the same pixel and channel; 0 where the reference is 0.
 
-    What is all but black decides it.
+    The darkest values that are not black decide it.
     """
 
     formula = "mean(|x - y| / y), 0 where y = 0"

@@ -1,4 +1,4 @@
-"""What a metric is: an error map, and the number that sums it up."""
+"""The interface of a metric: an error map, and one number that summarises it."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from glossbench.shapes import Colours, ErrorMap, Errors, Mask, Masked, Picture
 
 @runtime_checkable
 class HasRadiance(Protocol):
-    """An image: radiance, and the mask where it shows the surface."""
+    """An image: radiance, and the mask of the pixels that show the surface."""
 
     @property
     def radiance(self) -> Picture: ...
@@ -33,19 +33,20 @@ class HasNoise(Protocol):
 
 
 class Metric(Options):
-    """A number and an error map from an image and a reference of one view.
+    """Computes a number and an error map from an image and a reference of the same view.
 
-    `metric(image, truth)` is the number, `metric.error_map(image, truth)` the map. A subclass states `errors`, the
-    map, and `pooled`, the number from it, unless that is the mean over the mask.
+    `metric(image, truth)` is the number, `metric.error_map(image, truth)` the map. A subclass defines `errors`, which
+    computes the map, and `pooled`, which computes the number from it; the default is the mean over the mask.
 
     Attributes:
-        formula: of the number, in plain text; x the image, y the reference, means over masked pixels and channels.
-        unit: of number and map.
-        map_formula: of the map, for one pixel; means over its channels.
-        lower_is_better: for the absolute value of the number.
-        signed: the map has both signs; otherwise it is at least 0, and 0 where nothing is wrong.
-        n_groups: how often the number is computed once more, each time against a reference without one group of its
-            replicates, for its standard error: 8, 4 or 2. Fewer are for a metric that takes seconds.
+        formula: formula of the number in plain text; x is the image, y the reference, means are over masked pixels
+            and channels.
+        unit: unit of the number and the map.
+        map_formula: formula of one pixel of the map; means are over its channels.
+        lower_is_better: whether a lower absolute value of the number is better.
+        signed: whether the map has both signs; otherwise it is at least 0, and 0 means no error.
+        n_groups: 8, 4 or 2. For its standard error the number is computed this many more times, each time against a
+            reference without one group of its replicates. A metric that takes seconds should use fewer.
     """
 
     formula: ClassVar[str]
@@ -81,7 +82,7 @@ class Metric(Options):
 
 
 def column_names(metrics: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """The columns of some metrics, each by name and options: the name, or of two of one name "mrse (epsilon 0.1)"."""
+    """Column names of metrics given by name and options: the name or, if it occurs twice, "mrse (epsilon 0.1)"."""
     found = []
     for name, options in metrics:
         same = [other for each, other in metrics if each == name]
@@ -95,7 +96,7 @@ METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench
 
 
 def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Colours, Colours, Masked]:
-    """Image, reference and their mask, in double precision, zero outside it; InputError where they do not compare."""
+    """Image and reference in double precision, zero outside their mask, and the mask; InputError if they do not fit."""
     for which, given in {"image": image, "truth": truth}.items():
         if not isinstance(given, HasRadiance):
             raise InputError(f"metric(image, truth): {which} must have radiance and mask, got {called(given)}")

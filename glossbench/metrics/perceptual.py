@@ -1,4 +1,4 @@
-"""Metrics of what a viewer sees: images on a display, at exposures that the reference alone decides."""
+"""Metrics of visible differences: images on a display, at exposures that depend on the reference only."""
 
 from math import ceil, log2
 from typing import Annotated, NamedTuple
@@ -14,12 +14,12 @@ from glossbench.shapes import Colours, ErrorMap, Errors, Masked
 from glossbench.srgb import encoded
 from glossbench.tone import aces, where_aces_is
 
-BRIGHT = 0.85  # where the first exposure puts the brightest pixel, and the last the median
-WINDOW = 5  # pixels from the centre of a window to its edge
+BRIGHT = 0.85  # the first exposure maps the brightest pixel to this value, the last exposure the median
+WINDOW = 5  # [pixels] from the centre of a window to its edge
 
 
 class Exposures(NamedTuple):
-    """Stops between which an image is looked at, and in how many steps."""
+    """The first and the last exposure [stops], and the number of exposures."""
 
     start: float
     stop: float
@@ -27,13 +27,13 @@ class Exposures(NamedTuple):
 
 
 def exposures(y: Colours, mask: Masked) -> Exposures:
-    """The exposures [stops] at which HDR-FLIP looks at images of a reference.
+    """The exposures [stops] at which HDR-FLIP compares images with a reference.
 
     start = log2(x / max(Y)), stop = log2(x / median(Y)), n_steps = max(2, ceil(stop - start)), where ACES(x) = 0.85 and
     Y is luminance.
 
-    Source: Andersson et al. 2021 section 3. Differs: over masked pixels, as a black background would move the median;
-    where that is 0, over those above 0; a black reference is looked at as it is.
+    Source: Andersson et al. 2021 section 3. Differs: the median is over masked pixels, because a black background would
+    lower it; if it is 0, it is over pixels above 0; for a black reference start and stop are 0.
     """
     luminance = y[mask] @ np.array(LUMINANCE)
     seen = luminance[luminance > 0]
@@ -46,7 +46,7 @@ def exposures(y: Colours, mask: Masked) -> Exposures:
 
 
 def displayed(image: Colours, stops: float) -> Colours:
-    """An image on a display, in [0, 1]: exposed, through the ACES curve and the sRGB curve; below 0 is black."""
+    """An image on a display, in [0, 1]: exposure, then the ACES curve, then the sRGB curve; below 0 is black."""
     return encoded(aces(np.clip(2**stops * image, 0, 1e6)))
 
 
@@ -54,12 +54,13 @@ def displayed(image: Colours, stops: float) -> Colours:
 class FLIP(Metric):
     """HDR-FLIP, in [0, 1]: the difference that a viewer sees when image and reference alternate on a display.
 
-    The largest over exposures of the LDR-FLIP error of both images under the ACES curve. The exposures come from the
-    reference alone, so all images of it are compared under the same; negative radiance counts as black. Near the
-    silhouette the eye's filter mixes in the background, which is black in both.
+    Each pixel has the largest LDR-FLIP error over several exposures, after the ACES curve. The exposures depend on the
+    reference only, so they are the same for all images; negative radiance counts as black. Near the silhouette the
+    filter that models the eye mixes in the background, which is black in both images.
 
     Attributes:
-        pixels_per_degree: of visual angle. 67 is a display of 3840 pixels and 0.7 m across, seen from 0.7 m.
+        pixels_per_degree: pixels per degree of visual angle. 67 is a display of 3840 pixels and 0.7 m width, seen from
+            0.7 m.
 
     Source: Andersson, Nilsson, Shirley, Akenine-Moeller 2021, by the authors' `flip-evaluator`.
     """
@@ -73,7 +74,7 @@ class FLIP(Metric):
     def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """The FLIP map."""
         start, stop, n_steps = exposures(y, mask)
-        # Scaled so that exposures begin at 0: single precision then neither overflows nor underflows.
+        # Scaled so that the first exposure is 0: single precision then neither overflows nor underflows.
         images = [np.clip(2**start * image, 0, 1e6).astype(np.float32) for image in (y, x)]
         stated = {"ppd": self.pixels_per_degree, "startExposure": 0.0, "stopExposure": stop - start}
         flip, *_ = flip_evaluator.evaluate(
@@ -84,14 +85,14 @@ class FLIP(Metric):
 
 @METRICS.register("ssim")
 class SSIM(Metric):
-    """Structural similarity of the images on a display, at most 1, which is the truth: higher is better.
+    """Structural similarity of the images on a display, at most 1 (no difference): higher is better.
 
-    It is defined for a bounded range, so both images are first exposed at the middle of HDR-FLIP's exposures (the
-    reference's alone), and go through the ACES and the sRGB curve into [0, 1]. Windows are Gaussian, 11 x 11 of
-    standard deviation 1.5; channels and masked pixels are averaged. The background is black in both images and goes
-    on past the edge of the image: windows over the silhouette are more alike than the surface in them.
+    It is defined for a bounded range. Both images are therefore exposed at the middle of HDR-FLIP's exposures, which
+    depend on the reference only; the ACES and the sRGB curve then map them into [0, 1]. Windows are Gaussian, 11 x 11
+    pixels with standard deviation 1.5; the mean is over channels and masked pixels. The background is black in both
+    images, and black outside the image too: a window across the silhouette is more similar than the surface in it.
 
-    Source: Wang et al. 2004 (K1 = 0.01, K2 = 0.03), by scikit-image. Differs: there of luminance.
+    Source: Wang et al. 2004 (K1 = 0.01, K2 = 0.03), by scikit-image. Differs: the paper uses luminance.
     """
 
     formula = "mean of SSIM(x, y), of both on a display"

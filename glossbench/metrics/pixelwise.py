@@ -28,24 +28,24 @@ class RMS(Metric):
 
 @METRICS.register("relative_rms")
 class RelativeRMS(RMS):
-    """RMS over the mean of the reference: comparable between lights; 0 over 0 is 0, any other error over 0 infinite."""
+    """RMS divided by the mean of the reference: comparable between lights; 0 or infinite for a black reference."""
 
     formula = "sqrt(mean((x - y)^2)) / mean(y)"
     unit = "1"
     map_formula = "sqrt(mean((x - y)^2)) / mean of all y"
 
     def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
-        """Root of the mean squared error over the channels, over the mean of the reference."""
+        """Root of the mean squared error over the channels, divided by the mean of the reference."""
         rms, mean = super().errors(x, y, mask), float(y[mask].mean())
         return rms / mean if mean > 0 else np.where(rms == 0, 0.0, np.inf)
 
 
 @METRICS.register("relative_l1")
 class RelativeL1(Metric):
-    """Mean absolute error over the mean of the reference; 0 over 0 is 0, any other error over 0 infinite.
+    """Mean absolute error divided by the mean of the reference; 0 or infinite for a black reference.
 
-    Of a mirror ball under one lit texel it is the difference of two lobes over the volume of one: an orthographic
-    view of a sphere shows equal solid angles of mirror directions in equal areas.
+    For a sphere under one bright texel it is the difference of two lobes divided by the volume of one lobe, because an
+    orthographic view of a sphere shows equal solid angles of mirror directions in equal areas.
     """
 
     formula = "mean(|x - y|) / mean(y)"
@@ -53,7 +53,7 @@ class RelativeL1(Metric):
     map_formula = "mean(|x - y|) / mean of all y"
 
     def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
-        """Absolute error, the mean over the channels, over the mean of the reference."""
+        """Mean absolute error over the channels, divided by the mean of the reference."""
         error, mean = np.mean(np.abs(x - y), axis=2), float(y[mask].mean())
         return error / mean if mean > 0 else np.where(error == 0, 0.0, np.inf)
 
@@ -91,15 +91,15 @@ class MaxError(Metric):
 
 @METRICS.register("mrse")
 class MRSE(Metric):
-    """Mean relative squared error, each channel over its own reference: dark regions count as much as bright ones.
+    """Mean relative squared error of each channel: dark regions count as much as bright ones.
 
     Attributes:
-        epsilon: [radiance^2], keeps black from counting without end; it has a scale, so lights of another brightness
-            want another one.
+        epsilon: [radiance^2] bounds the error of black pixels. It has a scale: choose another value for lights of
+            another brightness.
 
-    Source: Rousselle, Knaus, Zwicker 2011, "relative MSE", epsilon 0.01. Others halve it (Gharbi et al. 2019), or
+    Source: Rousselle, Knaus, Zwicker 2011, "relative MSE", epsilon 0.01. Other papers halve it (Gharbi et al. 2019),
     divide by x^2 + y^2 + 0.1 (code of Hasselgren et al. 2021) or by (x + 0.01)^2 (Lehtinen et al. 2018): their
-    numbers are not these.
+    numbers cannot be compared with these.
     """
 
     epsilon: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.01
@@ -114,13 +114,13 @@ class MRSE(Metric):
 
 @METRICS.register("mrse_trimmed")
 class TrimmedMRSE(MRSE):
-    """MRSE without the worst pixels, which a few fireflies would decide; floor(fraction P) of P pixels are dropped.
+    """MRSE without the worst pixels: a few very bright ones would decide it. Of P pixels floor(fraction P) are dropped.
 
     Attributes:
-        fraction: of the masked pixels, in [0, 1).
+        fraction: fraction of the masked pixels that is dropped, in [0, 1).
 
-    A common guard without a common source: papers differ in the fraction, and in whether the image or each of its
-    channels is sorted. Here a pixel is dropped by the mean of its channels.
+    It is in common use but has no common source: papers differ in the fraction, and in whether they sort pixels or each
+    channel. Here pixels are sorted by the mean error of their channels.
     """
 
     fraction: Annotated[float, Field(ge=0, lt=1)] = 0.001
@@ -136,8 +136,8 @@ class TrimmedMRSE(MRSE):
 class SMAPE(Metric):
     """Symmetric mean absolute percentage error, as a fraction in [0, 2]; 0 over 0 is 0.
 
-    Source: Armstrong 1985, with the factor 2. Denoising papers leave it out and add 0.01 below (Gharbi et al. 2019):
-    half of this number, and less in the dark.
+    Source: Armstrong 1985, with the factor 2. Denoising papers leave the factor out and add 0.01 to the denominator
+    (Gharbi et al. 2019): their number is half of this one, and less in dark regions.
     """
 
     formula = "mean(2 |x - y| / (|x| + |y|))"
@@ -145,6 +145,6 @@ class SMAPE(Metric):
     map_formula = formula
 
     def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
-        """Error over half the sum of both sizes, the mean over the channels."""
+        """Error divided by half the sum of both absolute values, the mean over the channels."""
         size = np.abs(x) + np.abs(y)
         return np.mean(2 * np.abs(x - y) / np.where(size > 0, size, 1), axis=2)

@@ -1,8 +1,9 @@
-"""What methods are made of: the one module of glossbench that a method imports.
+"""The parts of methods: the only module of glossbench that a method imports.
 
-It hands on by name what the rooms below offer to methods, and what several methods share and this room holds: stages,
-shadows, median cut, cosine lobes, the lighting function. The files of this room import each other and the rooms below
-(truth, shading, metrics, scene, brdf, envmap, process, catalog, and the loose files), never this list.
+It exports by name the parts of the rooms below that methods use, and the parts that several methods share, which are in
+this room: stages, shadows, median cut, cosine lobes, the lighting function. The files of this room import each other
+and the rooms below (truth, shading, metrics, scene, brdf, envmap, process, catalog, and the loose files), never this
+list.
 """
 
 from glossbench.brdf.lobe import Lobe
@@ -89,13 +90,13 @@ from glossbench.shapes import Radiance
 from glossbench.truth.reference import estimates
 
 __all__ = [
-    # The interface: what a method is, and how it registers.
+    # The interface of a method, and its registry.
     "Contract",
     "InputError",
     "METHODS",
     "Method",
     "stage",
-    # Types of options: bounds that hold in YAML, in Python and on the command line.
+    # Types of options, with bounds that are checked in YAML, in Python and on the command line.
     "Color",
     "Finite",
     "Fraction",
@@ -118,7 +119,7 @@ __all__ = [
     "to_local",
     "to_world",
     "vec3",
-    # The light: a cube map, its texels and what is known of them.
+    # The light: a cube map, its texels and quantities computed from them.
     "CubeMap",
     "bilinear",
     "bordered",
@@ -129,7 +130,7 @@ __all__ = [
     "sh_basis",
     "texel_directions",
     "texel_solid_angles",
-    # The filtered light: pyramids, and how they are looked up.
+    # The filtered light: pyramids, and lookups in them.
     "Environment",
     "MipFilter",
     "Pyramid",
@@ -148,7 +149,7 @@ __all__ = [
     "Reflectance",
     "merge_channels",
     "widen",
-    # The scene: the points to shade, and what hides light from them.
+    # The scene: the points to shade, and the occluder that hides light from them.
     "Occluder",
     "ShadingPoints",
     "View",

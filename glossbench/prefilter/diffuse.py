@@ -1,4 +1,4 @@
-"""The diffuse part of the radiance, and what is left of it where the scene hides some of the light."""
+"""The diffuse part of the radiance, with and without shadows."""
 
 from math import pi
 
@@ -32,15 +32,15 @@ def visible_diffuse(
 ) -> Tensor:
     """The diffuse part of the outgoing radiance, (P, 3).
 
-    albedo E(n) / pi by nine spherical harmonics where nothing is hidden; else albedo (1/N) sum of L(wi) V(wi), wi of
-    density cos_i / pi with a shadow ray each.
+    Without an occluder: albedo E(n) / pi by nine spherical harmonics. With one: albedo (1/N) sum of L(wi) V(wi), with
+    wi of density cos_i / pi, and one shadow ray for each wi.
 
     Args:
         irradiance: the nine coefficients.
-        occluder: what hides the light, or None.
-        environment: what the samples read.
+        occluder: the scene that hides light, or None.
+        environment: the light that the samples read.
         u: points (N, 2) of the unit square.
-        level: log4(K / N) and a bias: a sample reads the level whose texel covers K / (N p); None reads level 0.
+        level: log4(K / N) plus a bias: a sample reads the level whose texel covers K / (N p); None reads level 0.
     """
     if occluder is None or not reflectance.diffuse:
         return diffuse_radiance(reflectance, irradiance, points.n)

@@ -1,4 +1,4 @@
-"""Samples of a lobe that look at a filtered light: where each looks, and at which level."""
+"""Samples of a lobe that read a filtered light: the direction and the level of each."""
 
 from typing import Any, NamedTuple
 
@@ -17,8 +17,8 @@ class FilteredSamples(NamedTuple):
 
     Attributes:
         wi: directions to the light in the local frame.
-        d: the same in the world's axes.
-        lod: levels of the light.
+        d: the same directions in the axes of the world.
+        lod: the levels of the light to read.
         weight: f cos_i / pdf, by channel.
     """
 
@@ -31,14 +31,14 @@ class FilteredSamples(NamedTuple):
 def filtered_samples(
     points: ShadingPoints, lobe: Lobe, samples: Any, environment: Environment, level: Tensor
 ) -> FilteredSamples:
-    """The samples of a lobe, each at the level whose texel covers a share of 1 / pdf.
+    """The samples of a lobe, each at the level whose texel covers a given share of 1 / pdf.
 
     lod = level + log4(texels per sr / pdf)
 
     Args:
         points: components (P, 1).
-        samples: the lobe's own sample points.
-        level: log4 of the share, and any bias.
+        samples: the sample points of the lobe.
+        level: log4 of the share, plus a bias if there is one.
 
     Source: Krivanek and Colbert 2008, section 3.
     """

@@ -1,4 +1,4 @@
-"""Shadows of N directional lights: by a ray a light, or by variance shadow maps as soft as the lights are wide."""
+"""Shadows of N directional lights: by one ray per light, or by variance shadow maps, blurred by the light's width."""
 
 from dataclasses import dataclass
 from math import pi
@@ -23,10 +23,10 @@ Visibility = Literal["none", "shadow_maps", "rays"]
 
 
 class Shadows(Protocol):
-    """What of each light reaches a point."""
+    """The visibility of each of N lights from a point."""
 
     def visible(self, points: ShadingPoints) -> Tensor:
-        """Share of each light (P, N), in [0, 1], at points with components (P, 1)."""
+        """Visible share of each light (P, N), in [0, 1], at points with components (P, 1)."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class RayShadows:
 
     Attributes:
         direction: to the lights, components (1, N).
-        occluder: what hides them.
+        occluder: the scene that hides them.
     """
 
     direction: Vec3
@@ -64,18 +64,20 @@ class RayShadows:
 
 @dataclass(frozen=True)
 class VarianceShadowMaps:
-    """N images of height towards the light, m1, and its square, m2, blurred: what lies above a point at height z?
+    """N blurred images of the height towards the light, m1, and of its square, m2. They hide points below the height.
 
-    Of what the blur covers at most the share p = v / (v + (m1 - z)^2) is no higher than z < m1, v = m2 - m1^2
-    (Chebyshev's inequality for one tail): a point below m1 sees p of the light, one that is not sees all of it. An
-    equality for one flat blocker over a flat receiver; where blockers overlap, light bleeds through: what is below
-    `light_bleeding` is taken as dark, (p - b) / (1 - b). Which way a surface faces the maps do not ask: its own other
-    side hides it, where it has one.
+    p = v / (v + (m1 - z)^2) for z < m1, otherwise 1; v = m2 - m1^2
+
+    By Chebyshev's inequality for one tail, at most the share p of the blurred area is at height z < m1 or below: a
+    point below m1 sees the share p of the light, any other point all of it. The bound is exact for one flat blocker
+    over a flat receiver. Where blockers overlap, light bleeds through, so shares below b = `light_bleeding` become 0:
+    (p - b) / (1 - b). The maps do not test whether a surface faces the light: a closed surface hides its back itself.
 
     Attributes:
-        moments: (N, 2, M, M), float32.
-        placing: a point (x, y, z, 1) to the image's right and down, in [-1, 1], and to its height: (3, 4, N).
-        least_variance: the square of half a texel, (1, N), so that rounding casts no shadow.
+        moments: m1 and m2, (N, 2, M, M), float32.
+        placing: maps a point (x, y, z, 1) to the right and down axes of the image, in [-1, 1], and to its height:
+            (3, 4, N).
+        least_variance: the square of half a texel, (1, N), so that rounding does not cast shadows.
         light_bleeding: b, in [0, 1).
 
     Source: Donnelly and Lauritzen 2006, "Variance shadow maps", eq. 5; b, Lauritzen 2007, "Summed-area variance shadow
@@ -101,7 +103,7 @@ class VarianceShadowMaps:
 
 
 def no_shadows(visibility: Visibility, scene: Any) -> str | None:
-    """Why the shadows of a scene cannot be had; None where they can."""
+    """The reason why the shadows of a scene cannot be computed; None if they can."""
     if visibility == "shadow_maps" and isinstance(scene, Occluder) and not isinstance(scene, Mesh):
         return "its shadow maps need a mesh"
     return None
@@ -111,7 +113,7 @@ def cast(
     visibility: Visibility, scene: Any, direction: Vec3, solid_angle: Tensor,
     resolution: int, blocker_distance: float, light_bleeding: float,
 ) -> Shadows:  # fmt: skip
-    """The shadows of N lights, directions and solid angles (N,); the last three of shadow maps alone."""
+    """The shadows of N lights with directions and solid angles (N,); only shadow maps use the last three arguments."""
     if visibility == "none" or not isinstance(scene, Occluder):
         return NoShadows(len(solid_angle))
     if visibility == "rays":
@@ -122,7 +124,7 @@ def cast(
 
 @stage
 def shadows(self: Any, partition: Partition, scene: Any) -> Shadows:
-    """What hides the regions of the light, by the method's `visibility`."""
+    """The shadows of the regions of the light, by the method's option `visibility`."""
     return cast(
         self.visibility, scene, partition.direction, partition.solid_angle,
         self.shadow_resolution, self.blocker_distance, self.light_bleeding,
@@ -137,18 +139,18 @@ def variance_shadow_maps(
     blocker_distance: float = 0.25,
     light_bleeding: float = 0.0,
 ) -> VarianceShadowMaps:
-    """Shadow maps of N lights: heights of first hits along parallel rays, framed to the mesh, blurred.
+    """Shadow maps of N lights: blurred heights of the first hits of parallel rays, in an image that frames the mesh.
 
-    A disc of the light's solid angle, 2 pi (1 - cos a), shines past an edge at distance d into a penumbra that is the
-    edge under a disc of radius d tan a; the Gaussian has the standard deviation of that disc along an axis,
-    d tan(a) / 2. A blur of depth cannot know d: one distance stands for all. Where rays hit nothing the height is that
-    of the mesh's lowest vertex, and so it is beyond the image.
+    A disc of the light's solid angle, 2 pi (1 - cos a), seen past an edge at distance d, gives a penumbra: the edge
+    blurred by a disc of radius d tan a. The Gaussian has the standard deviation of that disc along one axis,
+    d tan(a) / 2. A blur of the heights cannot depend on d, so one distance is used everywhere. Where a ray does not hit
+    the mesh, and outside the image, the height is that of the lowest vertex of the mesh.
 
     Args:
-        direction: to the lights, (N,).
-        solid_angle: of the lights, below 2 pi, (N,) [sr].
+        direction: directions to the lights, (N,).
+        solid_angle: solid angles of the lights, below 2 pi, (N,) [sr].
         resolution: M.
-        blocker_distance: d, where the mesh has a half-extent of 1; 0 for no blur.
+        blocker_distance: d, in units of the mesh's half-extent; 0 for no blur.
     """
     toward = stack(direction).cpu().double().numpy()
     cosine = 1 - solid_angle.cpu().double().numpy() / (2 * pi)
@@ -167,14 +169,14 @@ def variance_shadow_maps(
 def _rendered(
     mesh: Mesh, toward: NDArray[np.float64], deviation: float, resolution: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], float]:
-    """Moments (2, M, M), placing (3, 4) and the edge of a texel of one light."""
+    """Moments (2, M, M), placing (3, 4) and the edge length of a texel, for one light."""
     azimuth, elevation = np.degrees([np.arctan2(toward[0], toward[2]), np.arcsin(np.clip(toward[1], -1, 1))])
     camera = framing(mesh.vertices, 1.0, azimuth, elevation, None, 1.0)
     right, up, back = camera.axes
     lowest = (mesh.vertices @ back).min()
     origins, directions = camera.rays(resolution, resolution)
     hit = mesh.rays.first_hit(origins, directions).distance
-    # Above the lowest vertex, so that nothing is 0, as is what the blur finds beyond the image.
+    # Heights are above the lowest vertex: so a ray without a hit has height 0, as the blur assumes outside the image.
     height = np.where(np.isfinite(hit), origins @ back - hit - lowest, 0.0).reshape(resolution, resolution)
     texel = 2 * camera.half / resolution
     blurred = [scipy.ndimage.gaussian_filter(m, deviation / texel, mode="constant") for m in (height, height**2)]

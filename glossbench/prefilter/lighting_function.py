@@ -1,13 +1,14 @@
-"""The lighting function: what a surface of every normal shows to every viewer, sampled at the texels of a cube.
+"""The lighting function: the radiance for every normal and every view direction, sampled at the texels of a cube.
 
 Lo(v, n) = sum over texels l of the light of f(v, l) L(l) g(l) max(n . l, 0), g the solid angle of a texel, for all
-pairs of directions n, v of a virtual cube of V texels an edge with n . v > 0. The lights' texels and the virtual ones
-are mapped onto themselves by the 24 rotations of the cube. An isotropic f knows only angles, so that for a rotation G
+pairs of directions n, v of a virtual cube of V texels per edge with n . v > 0. The 24 rotations of the cube map the
+texels of the light, and those of the virtual cube, onto themselves. An isotropic f depends only on angles, so that for
+a rotation G
 
-    Lo(G v, G n) = sum over l of f(v, l) L(G l) g(l) max(n . l, 0) :
+    Lo(G v, G n) = sum over l of f(v, l) L(G l) g(l) max(n . l, 0)
 
-the values f g cos of one normal serve 24 normals, and the sum is a product of matrices, views x texels by texels x 24
-rotated lights. That is exact, and leaves one evaluation of f in 24.
+The values f g cos of one normal serve 24 normals, and the sum is a matrix product: (views x texels) times (texels x 24
+rotated lights). This is exact and needs only one of 24 evaluations of f.
 
 Source: Latta and Kolb 2002, section 3.3, eq. 9 to 11.
 """
@@ -35,7 +36,7 @@ Kernel = Callable[..., tuple[Tensor, ...]]
 
 # Values of f in a block: a few blocks stay in a core's second-level cache.
 _BLOCK = 1 << 18
-# So many values take 11 s of one core eagerly, and 3 s fused; compiling takes 5 to 8 s.
+# Measured on one core: this number of values takes 11 s in eager mode and 3 s fused; compiling takes 5 to 8 s.
 _FUSE_ABOVE = 1 << 27
 
 
@@ -45,10 +46,10 @@ class LightingSamples:
 
     Attributes:
         radiance: Lo (S, 3), float64.
-        pairs: numbers (S, 2) of normal and view, texels of the virtual cube in the order (face, row, column).
+        pairs: indices (S, 2) of normal and view: texels of the virtual cube in the order (face, row, column).
         edge: V.
-        n_values: how often f was evaluated.
-        standard_error: of radiance, (S, 3), where it was estimated and not summed.
+        n_values: number of evaluations of f.
+        standard_error: standard error of the radiance, (S, 3), if it was estimated instead of summed.
     """
 
     radiance: Tensor
@@ -59,9 +60,10 @@ class LightingSamples:
 
 
 def anisotropy(material: Material) -> str | None:
-    """Why the lighting function of a material needs a tangent; None for an isotropic one.
+    """The reason why the lighting function of a material needs a tangent; None for an isotropic material.
 
-    Compares f under turns of both directions about the normal, at pairs near to the mirror direction and far from it.
+    The test rotates both directions about the normal and compares f, for pairs near the mirror direction and far from
+    it.
     """
     reflectance = material.reflectance()
     theta_o, theta_i, phi = (torch.tensor(v)[:, None] for v in zip(*_PAIRS, strict=True))
@@ -97,12 +99,12 @@ def sample_lighting_function(
     weight: TexelWeight = "exact",
     fuse: bool | None = None,
 ) -> LightingSamples:
-    """Lo of all valid pairs of normal and view of a virtual cube, each the sum over all texels of the light.
+    """Lo for all valid pairs of normal and view of a virtual cube, each the sum over all texels of the light.
 
     Args:
-        edge: V, any number from 2.
-        light_edge: texels along the edge of a face to which a finer light is averaged, by solid angle; any number.
-        weight: g.
+        edge: V, at least 2.
+        light_edge: a finer light is averaged, by solid angle, to this number of texels along the edge of a face.
+        weight: the formula of g.
         fuse: force the fused (True) or the eager (False) evaluation of f.
 
     Raises:
@@ -141,7 +143,7 @@ def sample_lighting_function(
 def _sums(
     kernel: Kernel, reflectance: Reflectance, n: Tensor, views: Tensor, texels: Tensor, weights: Tensor, rotated: Tensor
 ) -> Tensor:
-    """Lo of one normal and its views under each of 24 rotated lights (24, texels, 3): (24, views, 3), float64."""
+    """Lo for one normal and its views under each of 24 rotated lights (24, texels, 3): (24, views, 3), float64."""
     normal = vec3(n.to(views.device))
     t = tangent(normal)
     frame = (t, cross(normal, t), normal)
@@ -158,7 +160,7 @@ def _sums(
 
 
 def _light_weights(reflectance: Reflectance, wo: Vec3, wi: Vec3, weights: Tensor) -> tuple[Tensor, ...]:
-    """f g cos_i, views x texels, a channel."""
+    """f g cos_i, (views, texels), for each channel."""
     return tuple(f * (wi.z * weights) for f in reflectance.f(wo, wi))
 
 
@@ -171,7 +173,7 @@ def _rotations() -> Tensor:
 
 
 def _images_of_texels(edge: int) -> Tensor:
-    """The texel onto which each rotation brings each texel, (24, 6 edge^2)."""
+    """The texel to which each rotation maps each texel, (24, 6 edge^2)."""
     turned = virtual_directions(edge) @ _rotations().transpose(1, 2)
     face, s, t, _ = face_coordinates(vec3(turned))
     column, row = (((c + 1) * edge / 2).floor().long().clamp(0, edge - 1) for c in (s, t))

@@ -1,4 +1,4 @@
-"""Median cut: the faces of a cube in rectangles of equal power, each texel in exactly one."""
+"""Median cut: divides the faces of a cube into rectangles of about equal power."""
 
 from dataclasses import dataclass
 from math import ceil, floor
@@ -18,15 +18,15 @@ Box = tuple[int, int, int, int]  # rows [top, bottom), columns [left, right)
 
 @dataclass(frozen=True)
 class Partition:
-    """A light in N regions, each a rectangle of texels on one face, but for a partition of one: the light whole.
+    """A light in N regions. Each is a rectangle of texels on one face; if N is 1, the region is the whole light.
 
     Attributes:
         index: region of each texel, (6, R, R), int32 in [0, N).
-        direction: where each region's light comes from: its centroid by luminance times solid angle, unit, components
-            (N,); by solid angle alone where it is black, and +y, from above, where it is balanced, as the constant
-            whole is.
+        direction: the direction to each region, unit, components (N,): its centroid weighted by luminance times solid
+            angle, or by solid angle if the region is black; +y if the centroid is zero, as for a constant light in one
+            region.
         power: integral of the radiance over each region, (N, 3).
-        solid_angle: of each region, (N,) [sr]; sums to 4 pi.
+        solid_angle: solid angle of each region, (N,) [sr]; the sum is 4 pi.
 
     All float32.
     """
@@ -46,15 +46,15 @@ def whole(light: CubeMap) -> Partition:
 
 
 def median_cut(light: CubeMap, n_regions: int) -> Partition:
-    """N regions of about equal power on each face, which has N / 6 of them.
+    """N regions: each face is divided into N / 6 regions of about equal power.
 
-    A rectangle that is to become n regions is cut across its longer side where the power of one part is nearest to
-    ceil(n / 2) / n of its own; the parts then become ceil(n / 2) and n - ceil(n / 2) regions. Power is luminance times
-    exact solid angle. Where N is no multiple of six the brightest faces have one region more. A part of fewer texels
-    than regions gives what it cannot hold to the other; a black rectangle is cut by area.
+    A rectangle for n regions is cut across its longer side, so that the power of the first part is nearest to
+    ceil(n / 2) / n of the whole. The parts are then divided into ceil(n / 2) and n - ceil(n / 2) regions. Power is
+    luminance times exact solid angle. If N is not a multiple of six, the brightest faces have one more region. If a
+    part has fewer texels than regions, the other part gets the surplus regions. A black rectangle is cut by area.
 
     Raises:
-        InputError: fewer than 6 regions, or more than texels.
+        InputError: there are fewer than 6 regions, or more regions than texels.
 
     Source: Debevec 2008, "A median cut algorithm for light probe sampling"; on each face Knuth et al. 2014, section 4.
     Differs: for N / 6 = 2^k the same cuts, but any N is possible; the solid angle is that of a cube's texel.
@@ -107,7 +107,7 @@ def _boxes(power: NDArray[np.float64], n_regions: int) -> list[Box]:
 
 
 def _described(light: CubeMap, index: Tensor, n: int) -> Partition:
-    """The partition of a region for each texel."""
+    """The partition with a given region for each texel."""
     device = light.faces.device
     region = index.reshape(-1).long()
     solid_angle = texel_solid_angles(light.resolution).expand(6, -1, -1).reshape(-1)

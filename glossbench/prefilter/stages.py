@@ -1,4 +1,4 @@
-"""Stages of the light that several methods share: a stage is one object, so one value serves all methods."""
+"""Stages of the light that several methods share. Each stage is one object, so one value serves all methods."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ from glossbench.shading.stage_cache import option_of
 
 @stage
 def pyramid(self: Any, light: CubeMap) -> Pyramid | Paraboloid:
-    """The filtered light, by the method's `mip_filter`; a cube, or a dual paraboloid where its `projection` says so."""
+    """The filtered light, by the method's `mip_filter`: a cube, or a dual paraboloid if its `projection` says so."""
     if option_of(self, "projection", "cube") == "dual_paraboloid":
         return build_paraboloid(light, self.mip_filter)
     return build_pyramid(light, self.mip_filter)

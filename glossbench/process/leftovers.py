@@ -1,4 +1,4 @@
-"""What plug-ins leave running: threads and processes that would keep this process from its end."""
+"""Threads and processes that plug-ins leave running, and that would keep this process from ending."""
 
 import os
 import signal
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def leave(code: object) -> None:
-    """End the process where threads of plug-ins would keep it from its end, as those of a pool do; else nothing."""
+    """End the process if threads of plug-ins would keep it alive, such as those of a pool; otherwise do nothing."""
     if any("is_of_plugin" in vars(thread) for thread in threading.enumerate()):
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError, AttributeError):
@@ -18,18 +18,18 @@ def leave(code: object) -> None:
 
 
 def children() -> set[int]:
-    """Processes that this one has started, where the system lists them."""
+    """Ids of the processes that this one has started; empty if the system does not list them."""
     found = set()
     for path in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError, ValueError, IndexError):
-            # The name of the program, in parentheses, may hold anything.
+            # The name of the program, in parentheses, may contain any character.
             if int(path.read_text(errors="replace").rpartition(")")[2].split()[1]) == os.getpid():
                 found.add(int(path.parent.name))
     return found
 
 
 def end_children(but: set[int]) -> None:
-    """End the processes that this one has started since, except torch's compilers."""
+    """End the processes that this one has started, except those in `but` and torch's compilers."""
     for pid in children() - but:
         with suppress(OSError):
             if b"_inductor" not in Path(f"/proc/{pid}/cmdline").read_bytes():

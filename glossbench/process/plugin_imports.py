@@ -1,4 +1,4 @@
-"""Plug-ins while a study is read: their imports and constructors, under its time limit."""
+"""Imports and constructors of plug-ins while a study is read, under its time limit."""
 
 import sys
 from collections.abc import Iterator
@@ -10,16 +10,16 @@ from glossbench.process.time_limit import time_limit
 
 @contextmanager
 def loading(what: str, seconds: float) -> Iterator[None]:
-    """TimeoutError in the block once it has lasted `seconds`; afterwards the process is as it was.
+    """Raise TimeoutError in the block after `seconds`; after the block the process is as it was before.
 
     Args:
-        what: is loaded, for the line that is printed where it cannot be interrupted and this process ends.
+        what: name of what is loaded, for the line that is printed if it cannot be interrupted and this process ends.
     """
 
     def give_up() -> None:
         text = f"{what} took more than the time limit of {seconds:g} s, and could not be interrupted"
         print(f"error: {text}", file=sys.__stderr__)
 
-    # What a module is for may be to watch or replace the calls of the system: those of os stay as it leaves them.
+    # The purpose of a module may be to watch or replace calls of the system, so its changes to os stay.
     with Restored(what, but=("os",)), time_limit(seconds, give_up):
         yield

@@ -1,4 +1,4 @@
-"""Settings that a whole process shares, each with how it is read and put back."""
+"""Settings that a whole process shares, each with a function that reads it and one that restores it."""
 
 import ctypes
 import gc
@@ -36,7 +36,7 @@ def _umask() -> int:
 
 
 def _handlers() -> dict[int, Any]:
-    """What the signals that end a process do; empty in a thread that cannot change it."""
+    """Handlers of the signals that end a process; empty in a thread that cannot change them."""
     if threading.current_thread() is not threading.main_thread():
         return {}
     return {number: signal.getsignal(number) for number in _SIGNALS}
@@ -55,7 +55,7 @@ def _blocked() -> set[int]:
 def _limits() -> dict[int, tuple[int, int]]:
     try:
         import resource
-    except ImportError:  # not on this system
+    except ImportError:  # this system does not have it
         return {}
     names = ("RLIMIT_AS", "RLIMIT_CPU", "RLIMIT_DATA", "RLIMIT_FSIZE", "RLIMIT_NOFILE", "RLIMIT_STACK")
     return {getattr(resource, name): resource.getrlimit(getattr(resource, name)) for name in names}
@@ -89,7 +89,7 @@ def _put_device(before: torch.device) -> None:
 
 
 def _modes() -> tuple[int, int]:
-    """How many blocks the process is in that see all that torch computes, and may change it."""
+    """The number of open blocks that see all calculations of torch and may change them."""
     return torch._C._len_torch_function_stack(), len(_python_dispatch._get_current_dispatch_mode_stack())
 
 
@@ -101,7 +101,7 @@ def _put_modes(before: tuple[int, int]) -> None:
 
 
 def _mathematics() -> ctypes.CDLL | None:
-    """The C library that knows how this processor rounds."""
+    """The C library that reads and sets the rounding mode of the processor."""
     for name in ("libm.so.6", "libm.dylib"):
         with suppress(OSError):
             return ctypes.CDLL(name)
@@ -124,7 +124,7 @@ _TIMERS = tuple(getattr(signal, name) for name in ("ITIMER_VIRTUAL", "ITIMER_PRO
 
 
 def _timers() -> list[tuple[float, float]]:
-    """Timers that count the processor's time; that of the clock is the time limit's."""
+    """Timers that count processor time. The timer of the clock belongs to the time limit."""
     return [signal.getitimer(timer) for timer in _TIMERS]
 
 
@@ -133,7 +133,7 @@ def _put_timers(before: list[tuple[float, float]]) -> None:
         signal.setitimer(timer, *values)
 
 
-_ENTERED: list[torch.inference_mode] = []  # a mode ends with its object
+_ENTERED: list[torch.inference_mode] = []  # keeps the objects alive, because a mode ends with its object
 
 
 def _put_inference(before: bool) -> None:
@@ -146,13 +146,13 @@ def _deterministic() -> tuple[bool, bool]:
 
 
 def _flushes() -> bool:
-    """Whether this processor takes the smallest numbers for zero."""
+    """Whether this processor treats the smallest numbers as zero."""
     smallest = torch.full((1,), 1e-40, dtype=torch.float32, device="cpu")
     return not bool((smallest * torch.ones(1, dtype=torch.float32, device="cpu")).item())
 
 
 class Setting(NamedTuple):
-    """Something that the whole process shares: what it is called, what it is now, and how it becomes that again."""
+    """Something that the whole process shares: its name, a function that reads it, and one that restores it."""
 
     what: str
     get: Callable[[], Any]
@@ -161,7 +161,7 @@ class Setting(NamedTuple):
 
 SETTINGS = (
     Setting("torch's device", torch.get_default_device, _put_device),
-    Setting("torch's modes", _modes, _put_modes),  # before anything that computes
+    Setting("torch's modes", _modes, _put_modes),  # must precede every setting that computes
     Setting("how numbers are rounded", _rounding, _put_rounding),
     Setting("the working folder", os.getcwd, os.chdir),
     Setting("the environment", lambda: dict(os.environ), _put_environment),
@@ -190,7 +190,7 @@ SETTINGS = (
     ),
     Setting("torch's small numbers", _flushes, torch.set_flush_denormal),
 )
-# Put back always: to compare them takes as long.
+# These are always restored: comparing them takes as long as restoring them.
 GENERATORS = (
     Setting("random", random.getstate, random.setstate),
     Setting("numpy's generator", np.random.get_state, np.random.set_state),

@@ -1,4 +1,4 @@
-"""The state of this process: what a plug-in changes of it is put back once the plug-in is done."""
+"""The state of this process: changes that a plug-in makes to it are undone when the plug-in is done."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ from glossbench.import_closure import is_installed
 from glossbench.process.settings import GENERATORS, SETTINGS, Setting
 from glossbench.registry import Registry
 
-# Beside this package: modules and classes that it calls, whose members a plug-in may replace.
+# Modules and classes outside this package that it calls, and whose members a plug-in may replace.
 _CALLED = (
     "builtins", "io", "json", "json.decoder", "json.encoder", "os", "os.path", "time", "math", "zlib", "hashlib",
     "shutil", "tempfile", "threading", "signal", "random", "struct", "copy", "dataclasses", "inspect", "functools",
@@ -32,19 +32,19 @@ _LEFT = {("sys", name) for name in ("last_type", "last_value", "last_traceback",
 
 
 class Restored:
-    """Context manager: the process is after the block as it was before it, whatever happens inside.
+    """Context manager: after the block the process is as it was before it, even if the block raises an error.
 
-    That is: working folder, environment, locale, mode of new files, limits, signals, recursion limit, standard streams,
-    hooks, logging and warnings; members of this package and of the modules that it calls; torch's and numpy's switches
-    and generators. Threads that the block starts do not keep the process alive; of a process that it forks, none but
-    the first leaves the block.
+    It restores the working folder, environment, locale, mode of new files, limits, signals, recursion limit, standard
+    streams, hooks, logging and warnings; members of this package and of the modules that it calls; switches and
+    generators of torch and numpy. Threads that the block starts do not keep the process alive. If the block forks, the
+    child process ends at the end of the block, and only the original process leaves it.
 
     Args:
-        by: whose block it is, for messages.
-        but: modules whose members stay as the block leaves them.
+        by: name of the plug-in that runs in the block, for messages.
+        but: modules whose members are not restored.
 
     Raises:
-        MethodError: something cannot be put back.
+        MethodError: something cannot be restored.
     """
 
     def __init__(self, by: str, but: tuple[str, ...] = ()) -> None:
@@ -62,7 +62,7 @@ class Restored:
         threading.Thread.start = _daemonic(self._thread, threading.Thread.start)  # type: ignore[method-assign]
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        sys.setrecursionlimit(self._recursion)  # before anything that calls deeper
+        sys.setrecursionlimit(self._recursion)  # first, because what follows needs nested calls
         if os.getpid() != self._pid:
             os._exit(1)
         self._modules_put_back()
@@ -77,7 +77,10 @@ class Restored:
             raise MethodError(f"{self._by} changes {', '.join(failed)} of this process, which cannot be put back")
 
     def _modules_put_back(self) -> None:
-        """What sys.modules and the registries have lost, but for modules of somebody: these change and are reloaded."""
+        """Put back entries that sys.modules and the registries have lost, except modules of plug-ins.
+
+        Plug-ins may change and are loaded again.
+        """
         for name, module in self._modules.items():
             file = getattr(module, "__file__", None)
             if name not in sys.modules and (not isinstance(file, str) or is_installed(Path(file))):
@@ -120,15 +123,15 @@ class Restored:
 
 
 def _is_equal(now: Mapping[str, Any], before: Mapping[str, Any]) -> bool:
-    """Whether members are the same, at once: most are."""
+    """Whether all members are the same, in one comparison, because most owners do not change."""
     try:
         return bool(now == before)
-    except Exception:  # of members that do not compare, as tensors
+    except Exception:  # some members cannot be compared, such as tensors
         return False
 
 
 def _is_inherited(owner: ModuleType | type, name: str) -> bool:
-    """Whether a class has a member from a base, which one of its own would hide."""
+    """Whether a class inherits a member, which an own member of the same name would hide."""
     return isinstance(owner, type) and any(name in vars(base) for base in owner.__mro__[1:])
 
 
@@ -136,7 +139,7 @@ _NOTHING = object()
 
 
 def _now(setting: Setting) -> Any:
-    """What a setting is; nothing where the process has it no more, as a working folder that is gone."""
+    """The value of a setting; _NOTHING if it does not exist any more, such as a deleted working folder."""
     try:
         return setting.get()
     except OSError:
@@ -146,7 +149,7 @@ def _now(setting: Setting) -> Any:
 def _dup(fd: int) -> int | None:
     try:
         return os.dup(fd)
-    except OSError:  # closed from the start
+    except OSError:  # it was closed when the process started
         return None
 
 
@@ -159,7 +162,10 @@ def _is_same(fd: int, kept: int) -> bool:
 
 
 def _daemonic(of: int, start: Callable[..., None]) -> Callable[..., None]:
-    """Thread.start, by which threads that one thread starts, and those of these, do not keep the process alive."""
+    """A Thread.start with which threads do not keep the process alive if the thread `of` starts them.
+
+    The same holds for the threads that those start.
+    """
 
     def run(self: threading.Thread) -> None:
         if threading.get_ident() == of:
@@ -172,17 +178,17 @@ def _daemonic(of: int, start: Callable[..., None]) -> Callable[..., None]:
 
 
 def is_foreign(cls: type) -> bool:
-    """Whether a class is a plug-in's."""
+    """Whether a class belongs to a plug-in."""
     return cls.__module__.partition(".")[0] != "glossbench"
 
 
 def guarded(cls: type) -> AbstractContextManager[None]:
-    """What a call of a class runs in: of a plug-in's, `Restored`; our own leave the process as it is."""
+    """The context for calls of a class: `Restored` for a plug-in's class; our own classes do not change the process."""
     return Restored(cls.__name__) if is_foreign(cls) else nullcontext()
 
 
 def _owners() -> Iterator[ModuleType | type]:
-    """Modules and classes whose members must stay: those that this package calls, and its own."""
+    """Modules and classes whose members must not change: those that this package calls, and its own."""
     loaded = dict(sys.modules)
     yield from (loaded[name] for name in _CALLED if isinstance(loaded.get(name), ModuleType))
     yield from _ours()

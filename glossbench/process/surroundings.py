@@ -1,7 +1,7 @@
-"""The state of the process around a call: numbers do not depend on it, and a call leaves it as it was.
+"""The state of the process around a call: numbers do not depend on it, and a call does not change it.
 
-torch and numpy keep switches for the whole process or for a thread: the default type and device, autocast, what
-happens at an overflow. The public functions run under the values that a new process has, whatever the caller set.
+torch and numpy have switches for the whole process or for a thread: the default type and device, autocast, the action
+at an overflow. The public functions run with the values of a new process, whatever the caller has set.
 """
 
 import ctypes
@@ -18,7 +18,7 @@ import torch
 
 
 class Switch(NamedTuple):
-    """A switch of the whole process: the value that numbers are made under, and how it is read and set."""
+    """A switch of the whole process: the value under which numbers are computed, and functions to read and set it."""
 
     ours: Any
     read: Callable[[], Any]
@@ -42,7 +42,7 @@ NUMPY = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}
 
 
 class _Held:
-    """The switches of the process: set by the first of the threads that are within a call, put back by the last."""
+    """The switches of the process: the first thread to enter a call sets them, the last one to leave restores them."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
@@ -73,9 +73,9 @@ _has_computed = False
 
 @contextmanager
 def settled() -> Iterator[None]:
-    """The block, or the function that this decorates, runs under the state of a new process; then all is as before.
+    """The block, or the decorated function, runs with the state of a new process; then the old state returns.
 
-    Another thread that does not call glossbench meanwhile finds the switches of the whole process as they are here.
+    During the block, other threads also see the changed switches of the whole process.
     """
     if getattr(_this_thread, "is_within", False):
         yield
@@ -88,7 +88,7 @@ def settled() -> Iterator[None]:
             with ExitStack() as stack:
                 if torch.get_default_device().type != "cpu":
                     stack.enter_context(torch.device("cpu"))
-                if torch.is_inference_mode_enabled():  # what is kept for later calls would be of no use outside it
+                if torch.is_inference_mode_enabled():  # tensors kept for later calls could not be used outside it
                     stack.enter_context(torch.inference_mode(False))
                 if not torch.is_grad_enabled():
                     stack.enter_context(torch.enable_grad())
@@ -105,10 +105,10 @@ def settled() -> Iterator[None]:
 
 
 def _in_forked_child() -> None:
-    """The threads of the parent are gone: their switches go back, and this one does its work alone.
+    """In a forked child, restore the switches that threads of the parent have set, and compute with one thread.
 
-    OpenMP's threads do not survive a fork, and what is handed to them would never end. torch brings an OpenMP of its
-    own, and FLIP another; each is told.
+    The threads of the parent do not exist in the child. OpenMP's threads do not survive a fork either, so work given to
+    them would never end. torch and FLIP each have their own OpenMP library; both are set to one thread.
     """
     global _held
     if not _has_computed:
@@ -120,7 +120,7 @@ def _in_forked_child() -> None:
         for switch, value in left.found:
             switch.set(value)
     torch.set_num_threads(1)
-    with suppress(OSError, AttributeError):  # on other systems than Linux processes are not forked unless one insists
+    with suppress(OSError, AttributeError):  # other systems than Linux do not fork by default
         for path in dict.fromkeys(
             re.findall(r"/\S*/lib(?:g|i|)omp\S*", os.fsdecode(Path("/proc/self/maps").read_bytes()))
         ):

@@ -1,4 +1,4 @@
-"""A limit on the seconds of some work: Python's own code is interrupted, and where that fails the process ends."""
+"""A time limit for some work: Python code is interrupted; if that fails, the process ends."""
 
 import faulthandler
 import os
@@ -8,17 +8,17 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-GRACE = 2.0  # seconds that interrupted work has to end
+GRACE = 2.0  # seconds in which interrupted work must end
 
 
 @contextmanager
 def time_limit(seconds: float, give_up: Callable[[], None]) -> Iterator[None]:
-    """Raises TimeoutError in the block once it has lasted `seconds`, or ends the process if the block lasts on.
+    """Raise TimeoutError in the block after `seconds`, or end the process if the block continues.
 
-    The alarm signal reaches Python's own code in the main thread. Native code does not heed it, other threads and
-    some systems have none, and work may swallow what is raised in it: after GRACE another thread calls `give_up`
-    and ends the process with exit code 1. Native code that lets no other thread run is ended after GRACE once more,
-    with a traceback and without `give_up`.
+    The alarm signal interrupts Python code in the main thread. It does not interrupt native code, other threads and
+    some systems do not have it, and the work may catch the error. Therefore, after another GRACE seconds, a second
+    thread calls `give_up` and ends the process with exit code 1. If native code does not let that thread run, the
+    process ends after another GRACE seconds, with a traceback and without `give_up`.
     """
     done = threading.Event()
 

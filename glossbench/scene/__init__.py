@@ -1,4 +1,4 @@
-"""What is shaded: views and the shading points that they see.
+"""The surfaces to shade: views, and the shading points that they see.
 
 It imports envmap, process, catalog and the loose files.
 """

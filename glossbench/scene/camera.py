@@ -1,4 +1,4 @@
-"""A camera that looks at a mesh from anywhere and frames it."""
+"""A camera that looks at a mesh from any direction and frames it."""
 
 from dataclasses import dataclass
 from math import cos, radians, sin, tan
@@ -6,22 +6,22 @@ from math import cos, radians, sin, tan
 import numpy as np
 from numpy.typing import NDArray
 
-MARGIN = 0.05  # of the image's half edge, around what is framed
-BEHIND = 4.0  # where the rays of an orthographic camera start: beyond any mesh within [-1, 1]
-NEAREST = 0.1  # of a perspective camera to any vertex, along its axis
+MARGIN = 0.05  # around the mesh, as a share of its half extent
+BEHIND = 4.0  # start of the rays of an orthographic camera: behind every mesh within [-1, 1]
+NEAREST = 0.1  # smallest distance of a perspective camera to a vertex, along its axis
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Axes of the image in the world, and what it covers.
+    """Axes of the image in the world, and the area that it covers.
 
     Attributes:
-        axes: to the right, up and back to the camera, rows of a rotation, (3, 3).
-        middle: what the middle of the image shows, in axes; for a perspective camera its own place.
-        half: half of the image's shorter edge: a length, or of a perspective camera the tangent of half its angle.
-        perspective: rays leave one point; otherwise they are parallel.
+        axes: directions to the right, up and back to the camera: rows of a rotation, (3, 3).
+        middle: the point in the middle of the image, in axes; for a perspective camera its own position.
+        half: half of the image's shorter edge: a length; for a perspective camera the tangent of half its angle.
+        perspective: whether all rays start at one point; otherwise they are parallel.
     """
 
     axes: Floats
@@ -48,23 +48,23 @@ class Camera:
 def framing(
     vertices: Floats, aspect: float, azimuth: float, elevation: float, field_of_view: float | None, zoom: float
 ) -> Camera:
-    """The camera that sees all vertices (V, 3), as large as the margin allows.
+    """The camera that shows all vertices (V, 3) as large as the margin allows.
 
-    Orthographic: the image's middle is that of the vertices' extents. Perspective: the nearest place from which all
-    vertices lie within the image, |x - x_0| <= (z_0 - z) tan for each: with A = max(x + z tan), B = max(z tan - x),
-    z_0 = (A + B) / (2 tan) and x_0 = (A - B) / 2; the longer of both axes decides.
+    Orthographic: the middle of the image is the middle of the vertices' extents. Perspective: the nearest position from
+    which all vertices are inside the image, |x - x_0| <= (z_0 - z) tan for each vertex. With A = max(x + z tan) and
+    B = max(z tan - x): z_0 = (A + B) / (2 tan), x_0 = (A - B) / 2; the axis with the larger z_0 decides.
 
     Args:
-        aspect: columns over rows of the image.
-        azimuth, elevation: of the camera, in degrees.
-        field_of_view: across the image's shorter edge, in degrees; None for an orthographic camera.
-        zoom: magnifies about the middle.
+        aspect: columns / rows of the image.
+        azimuth, elevation: angles of the camera [degrees].
+        field_of_view: angle across the image's shorter edge [degrees]; None for an orthographic camera.
+        zoom: magnification about the middle.
     """
     a, e = radians(azimuth), radians(elevation)
     right, back = np.array([cos(a), 0.0, -sin(a)]), np.array([sin(a) * cos(e), sin(e), cos(a) * cos(e)])
     axes = np.stack([right, np.cross(back, right), back])
     x, y, z = axes @ vertices.T
-    # Half edges of what the margin leaves, where the shorter half edge of the image is 1.
+    # Half edges of the image without its margin; the shorter half edge with margin is 1.
     edges = np.array([max(aspect, 1), max(1 / aspect, 1)]) / (1 + MARGIN)
     if field_of_view is None:
         middle = np.array([(c.max() + c.min()) / 2 for c in (x, y)])

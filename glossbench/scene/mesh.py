@@ -1,4 +1,4 @@
-"""Triangle meshes: checked, repaired where that is safe, and brought to one size and place."""
+"""Triangle meshes: checked, repaired where this is safe, and scaled and moved to a standard size and position."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -15,10 +15,10 @@ from glossbench.scene.points import Occluder
 from glossbench.scene.rays import Rays
 from glossbench.scene.winding import against_the_rest
 
-# Measured on one thread, with what rays need, on a bumpy sheet: 1.0 million took 6.0 s and 0.41 GB at most. This many,
-# in proportion and not measured: a minute and 4 GB.
+# Measured on one thread on a bumpy sheet, including the structure for rays: 1.0 million faces took 6.0 s and at most
+# 0.41 GB. In proportion (not measured) this limit takes a minute and 4 GB.
 MAX_FACES = 10_000_000
-# A triangle whose area is below this share of its longest edge squared has no normal left in float32.
+# A triangle whose area is below this share of its longest edge squared has no reliable normal in float32.
 FLAT = 1e-7
 
 Floats = NDArray[np.float64]
@@ -26,17 +26,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Mesh(Occluder):
-    """Triangles with a normal at each vertex. Equal to another where all of its numbers are.
+    """Triangles with a normal at each vertex. Two meshes are equal if all of their numbers are.
 
-    The surface is opaque and is seen and lit from both sides. A light is infinitely far, so that size and place do not
-    matter: `make_mesh` brings the box around the mesh to the origin, its longest half-edge to 1.
+    The surface is opaque and is seen and lit from both sides. Lights are infinitely far, so size and position do not
+    matter: `make_mesh` moves the centre of the mesh's bounding box to the origin and scales its longest half-edge to 1.
 
     Attributes:
         vertices: (V, 3), float64.
         faces: vertex numbers, counter-clockwise seen from outside, (F, 3), int64.
-        normals: unit, (V, 3), float64; zero where no direction is better than another.
-        tangents: (V, 3), float64; None where the surface states none.
-        repairs: what was changed, in words.
+        normals: unit, (V, 3), float64; zero if the normals of the faces around a vertex cancel.
+        tangents: (V, 3), float64; None if the surface does not have them.
+        repairs: descriptions of the changes that were made.
         key: SHA-256 of all of these numbers.
     """
 
@@ -63,11 +63,11 @@ class Mesh(Occluder):
 
     @cached_property
     def rays(self) -> Rays:
-        """What answers rays, built when it is first asked for."""
+        """The structure that answers rays, built at first use."""
         return Rays(self.vertices, self.faces)
 
     def face_normals(self, faces: NDArray[np.integer]) -> Floats:
-        """Unit normals (N, 3) of some faces, on the side from which their vertices run counter-clockwise."""
+        """Unit normals (N, 3) of some faces, on the side from which their vertices are counter-clockwise."""
         return _unit(_cross_products(self.vertices, self.faces[faces]))
 
     def visible(self, position: Vec3, ng: Vec3, direction: Vec3) -> Tensor:
@@ -83,23 +83,24 @@ def make_mesh(
     tangents: ArrayLike | None = None,
     name: str = "mesh",
 ) -> Mesh:
-    """A mesh of any triangles, in unit size.
+    """Makes a mesh of unit size from any triangles.
 
-    Repaired, and said in `repairs`: faces without area are left out; stated normals that are not finite or zero are
-    made anew; where normals are made, faces that wind against their neighbours are turned. What is inside out, has
-    holes, edges of three faces and more, or cuts through itself stays as it is: rays need none of it repaired.
+    These repairs are made and listed in `repairs`: faces without area are left out; if a given normal is zero or not
+    finite, all normals are computed; if normals are computed, faces with a winding against their neighbours are
+    reversed. A mesh that is inside out, has holes or edges of three or more faces, or cuts itself is not changed: rays
+    do not need it.
 
     Args:
         vertices: (V, 3), any size and place.
         faces: (F, 3), vertex numbers.
-        normals: of vertices, (V, 3), outwards, any length; by default the mean of the normals of the faces around a
-            vertex, weighted by their angles (Thuermer and Wuethrich 1998), over all vertices of the same place.
-        tangents: of vertices, (V, 3), any length.
-        name: of the mesh in errors.
+        normals: outward normals at vertices, (V, 3), any length; by default the mean of the normals of the faces around
+            a vertex and all vertices at the same position, weighted by angle (Thuermer and Wuethrich 1998).
+        tangents: tangents at vertices, (V, 3), any length.
+        name: name of the mesh in errors.
 
     Raises:
-        InputError: no faces or none with an area, a number that is not finite, a vertex that is not there, or more
-            than MAX_FACES faces.
+        InputError: there are no faces or none with an area, a number is not finite, a vertex does not exist, or there
+            are more than MAX_FACES faces.
     """
     v, f = _checked(name, vertices, faces)
     low, high = v[f].min((0, 1)), v[f].max((0, 1))

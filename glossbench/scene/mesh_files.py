@@ -1,4 +1,4 @@
-"""Meshes by name: an embedded shape, one of the catalogue, or a file."""
+"""Meshes by name: an embedded shape, a mesh of the catalogue, or a file."""
 
 import hashlib
 from collections.abc import Callable
@@ -20,14 +20,14 @@ from glossbench.scene.shapes import SHAPES
 READERS: dict[str, Callable[[Path], Surface]] = {
     ".obj": read_obj, ".ply": read_ply, ".glb": read_gltf, ".gltf": read_gltf, ".stl": read_stl,
 }  # fmt: skip
-MAX_BYTES = 1 << 30  # as text, more than the most faces that a mesh may have
+MAX_BYTES = 1 << 30  # more than a mesh with the largest number of faces needs as text
 
 
 def mesh_named(name: str) -> Mesh:
     """The mesh of a name or a path.
 
     Raises:
-        InputError: no such name or file, or a file that holds no mesh that can be shaded.
+        InputError: the name or file does not exist, or the file does not hold a mesh that can be shaded.
     """
     if name in SHAPES:
         return _shape(name)
@@ -36,17 +36,17 @@ def mesh_named(name: str) -> Mesh:
 
 
 def meaning_of(name: str) -> str:
-    """What a name stands for, as text: of a file, its bytes."""
+    """Text that identifies the mesh of a name: the name of a shape, or the hash of a file's bytes."""
     return name if name in SHAPES else _digest(_path_of(name))
 
 
 def load_mesh(path: Path | str) -> Mesh:
-    """The mesh of a Wavefront OBJ, PLY, glTF or STL file; all of its parts as one, textures and colours left out.
+    """The mesh of a Wavefront OBJ, PLY, glTF or STL file; all parts are joined, textures and colours are left out.
 
-    Normals of the file are kept; where it has none they are made, see `make_mesh`. Tangents it never states.
+    Normals of the file are kept; if it has none they are computed, see `make_mesh`. Tangents are never read.
 
     Raises:
-        InputError: an unknown format, a file that cannot be read, or a mesh that cannot be repaired.
+        InputError: the format is unknown, the file cannot be read, or the mesh cannot be repaired.
     """
     path = Path(path)
     if path.suffix.lower() not in READERS:
@@ -59,7 +59,7 @@ def load_mesh(path: Path | str) -> Mesh:
     return make_mesh(surface.vertices, surface.faces, surface.normals, name=str(path))
 
 
-# Kept, because each cell of a study asks for its mesh anew, and rays need a second to be ready for a large one.
+# Cached: every cell of a study asks for its mesh, and preparing a large one for rays takes a second.
 
 
 @lru_cache(maxsize=4)

@@ -19,45 +19,47 @@ from glossbench.scene.mesh import Mesh
 from glossbench.scene.mesh_files import READERS, meaning_of, mesh_named
 from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
 
-# n . wo of a shading normal that interpolation has turned away from the viewer: below it materials are all but mirrors.
+# n . wo to which a shading normal is bent if interpolation turned it away from the viewer: for smaller values materials
+# are almost mirrors.
 LEAST_COSINE = 0.01
 
 Floats = NDArray[np.float64]
 
 
 class Seen(NamedTuple):
-    """What the camera sees: mask (H, W) and the points of its pixels."""
+    """The result of a camera: the mask (H, W) and the points of its pixels."""
 
     mask: Tensor
     points: ShadingPoints
 
 
 def view_or_file(text: str) -> tuple[str, dict[str, Any]]:
-    """What one word means as a view: a registered name, or a mesh of a file, with its option."""
+    """The view that one word means: a registered name, or the path of a mesh file with its option."""
     of_file = Path(text).suffix.lower() in READERS and text not in VIEWS.names()
     return ("mesh", {"shape": text}) if of_file else (text, {})
 
 
 @VIEWS.register("mesh")
 class MeshView(View):
-    """A triangle mesh with smooth normals, framed by a camera; its light is hidden by itself.
+    """A triangle mesh with smooth normals, framed by a camera; the mesh shadows itself.
 
-    A pixel shows the point that the ray through its centre hits first. n is interpolated between the vertices and
-    turned to the side that is seen; where it still faces away from the viewer, it is bent to n . wo = 0.01. The tangent
-    is the mesh's own, made orthogonal to n; where it has none, along circles of latitude as on the sphere, t = up x n /
-    |up x n|. b = n x t. Light from behind the triangle itself is hidden, as any opaque surface hides it: where
-    triangles are large, smooth shading ends in their outlines.
+    A pixel shows the first point that the ray through its centre hits. n is interpolated between the vertices and
+    turned to the visible side; if it still faces away from the viewer, it is bent to n . wo = 0.01. The tangent is the
+    mesh's own, made orthogonal to n; if the mesh has none, it is along circles of latitude as on the sphere,
+    t = up x n / |up x n|. b = n x t. Light from behind the triangle is hidden, as by every opaque surface: with large
+    triangles smooth shading ends at their outlines.
 
     Attributes:
         shape: cloth, torus_knot or bowl; a mesh of the catalogue: spot, teapot or bunny; or a file, .obj, .ply, .glb,
-            .gltf or .stl: a relative path is looked for here, beside the study and below the folder GLOSSBENCH_DATA.
+            .gltf or .stl: a relative path is searched in the current folder, the folder of the study and below
+            GLOSSBENCH_DATA.
         resolution: rows of pixels.
         width: columns of pixels; by default as many as rows.
-        camera: parallel rays, or from one point.
-        fov: angle across the shorter edge of a perspective image, in degrees.
-        azimuth: of the camera from the front (+z) to the right (+x), in degrees.
-        elevation: of the camera above the horizon, in degrees.
-        zoom: magnifies about the middle; at 1 all of the mesh is seen, with a margin of a fortieth of the shorter edge.
+        camera: "orthographic", parallel rays, or "perspective", rays from one point.
+        fov: angle across the shorter edge of a perspective image [degrees].
+        azimuth: angle of the camera from the front (+z) to the right (+x) [degrees].
+        elevation: angle of the camera above the horizon [degrees].
+        zoom: magnification about the middle; 1 shows the whole mesh with a margin of a fortieth of the shorter edge.
     """
 
     shape: str = "torus_knot"
@@ -75,7 +77,7 @@ class MeshView(View):
 
     @classmethod
     def file_of(cls, option: str, value: str) -> str | None:
-        """The mesh, where it is not one of a name: those have no ending."""
+        """The mesh file; names of meshes, which have no extension, are not files."""
         return "mesh file" if option == "shape" and Path(value).suffix else None
 
     def open_files(self) -> None:
@@ -83,7 +85,7 @@ class MeshView(View):
         _ = self._mesh
 
     def mask(self) -> Tensor:
-        """True (H, W) where a ray through the pixel's centre hits the mesh."""
+        """Whether the ray through each pixel's centre hits the mesh, (H, W)."""
         return self._seen.mask
 
     def points(self) -> ShadingPoints:
@@ -95,12 +97,12 @@ class MeshView(View):
         return self._mesh
 
     def key(self) -> str:
-        """That of the mesh's bytes, and how it is seen."""
+        """The key of the mesh, and the options of the camera."""
         camera = {k: v for k, v in self.as_dict().items() if k != "shape"}
         return f"mesh:{meaning_of(self.shape)}:{json.dumps(camera, sort_keys=True)}"
 
     def notes(self) -> tuple[str, ...]:
-        """What of the mesh was repaired."""
+        """The repairs of the mesh."""
         return tuple(f"mesh {self.shape}: {repair}" for repair in self._mesh.repairs)
 
     @cached_property
@@ -124,7 +126,7 @@ class MeshView(View):
 
 
 def shading_points(mesh: Mesh, face: NDArray[np.int32], barycentric: Floats, wo: Floats) -> ShadingPoints:
-    """Points of a mesh as they are seen from wo (P, 3)."""
+    """Shading points of a mesh, for directions wo (P, 3) to the viewer."""
     corners = mesh.faces[face]
 
     def interpolated(values: Floats) -> Floats:
@@ -132,7 +134,7 @@ def shading_points(mesh: Mesh, face: NDArray[np.int32], barycentric: Floats, wo:
 
     ng = _facing(mesh.face_normals(face), wo)
     n = interpolated(mesh.normals)
-    n = np.where(_dot(n, n) > 1e-12, n, ng)  # normals that cancel
+    n = np.where(_dot(n, n) > 1e-12, n, ng)  # interpolated normals may cancel
     n = _unit(n * np.where(_dot(n, ng) < 0, -1, 1))
     c = _dot(n, wo)
     sideways = _unit(n - c * wo)
@@ -140,7 +142,7 @@ def shading_points(mesh: Mesh, face: NDArray[np.int32], barycentric: Floats, wo:
     up, right = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
     t = np.cross(up, n) if mesh.tangents is None else interpolated(mesh.tangents)
     t = t - _dot(t, n) * n
-    # At a pole every tangent is as good as another: x is, and where n is x itself, y.
+    # At a pole all tangents are equally good: x is used, and y if n is x itself.
     for other in (right, up):
         t = np.where(_dot(t, t) > 1e-12, t, other - _dot(other[None], n) * n)
     t = _unit(t)

@@ -1,4 +1,4 @@
-"""Shading points: where, with which frame and from which side a surface is seen; and the views that make them."""
+"""Shading points: position, frame and direction to the viewer; and the views that make them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ class ShadingPoints:
         b: bitangent n x t.
         n: shading normal, n . wo > 0.
         wo: direction to the viewer.
-        position: place in the scene; none where the scene hides no light.
-        ng: normal of the surface itself, ng . wo > 0, where n is interpolated; none where position is none.
+        position: position in the scene; None if the scene does not hide light.
+        ng: normal of the surface itself, ng . wo > 0, because n may be interpolated; None if position is None.
     """
 
     t: Directions
@@ -41,11 +41,11 @@ class ShadingPoints:
 
     @property
     def device(self) -> str:
-        """Where the tensors are."""
+        """The device of the tensors."""
         return str(self.n.x.device)
 
     def columns(self, start: int, stop: int) -> "ShadingPoints":
-        """Points [start, stop) with components (P, 1), ready to meet samples (1, N)."""
+        """Points [start, stop) with components (P, 1), which broadcast with samples (1, N)."""
         return self.each(lambda c: c[start:stop, None])
 
     def wo_local(self) -> Directions:
@@ -57,23 +57,23 @@ class ShadingPoints:
         return self.each(lambda c: c.to(device))
 
     def each(self, change: Callable[[Tensor], Tensor]) -> "ShadingPoints":
-        """The points with every component changed alike."""
+        """The points, with the same change applied to every component."""
         return ShadingPoints(*(v and Vec3(*map(change, v)) for v in vars(self).values()))
 
 
 class Occluder:
-    """A scene some of whose points hide the light of others. A scene that is none, as the sphere, hides none."""
+    """A scene in which points can hide light from others. A scene of another class, like the sphere, hides no light."""
 
     def visible(self, position: Rays, ng: Rays, direction: Rays) -> Seen:
-        """Whether light from a direction reaches a position; ng as of ShadingPoints."""
+        """Whether light from a direction reaches a position; ng as in ShadingPoints."""
         raise NotImplementedError
 
 
 class View(Options):
-    """What the image shows: a surface and a camera."""
+    """A surface and a camera: the content of an image."""
 
     def mask(self) -> Mask:
-        """True where the surface is seen."""
+        """True where a pixel shows the surface."""
         raise NotImplementedError
 
     def points(self) -> ShadingPoints:
@@ -81,17 +81,17 @@ class View(Options):
         raise NotImplementedError
 
     def scene(self) -> Any:
-        """The geometry, equal for all views of the same one."""
+        """The geometry; it is equal for all views of the same surface."""
         raise NotImplementedError
 
     def recorded(self, radiance: Picture) -> Picture:
-        """What metrics compare of an image's or a reference's radiance; by default all of it."""
+        """The radiance that metrics compare, from that of an image or a reference; by default it is unchanged."""
         return radiance
 
 
 def check_pixels(view: View, height: int, width: int) -> None:
-    """InputError where the points, images and references of so many pixels do not fit into memory."""
-    # Measured 120 (sphere) to 230 (mesh) while points are made; then an image, a reference and its replicates.
+    """Raises InputError if the points, images and references of so many pixels do not fit into memory."""
+    # Bytes per pixel: points take 120 (sphere) to 230 (mesh), measured; images, references and replicates come on top.
     check_memory(f"{view.name}: a view of {width} x {height} pixels", 400 * height * width)
 
 

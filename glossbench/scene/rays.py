@@ -1,4 +1,4 @@
-"""Rays against triangles: the first hit, and whether a point sees a direction, by Embree in float32."""
+"""Rays against triangles, by Embree in float32: the first hit, and whether light from a direction reaches a point."""
 
 from typing import NamedTuple
 
@@ -7,21 +7,21 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-# How far a shadow ray starts off its surface, where the mesh has a half-extent of 1. Rounding moves points and planes
-# by about 1e-7: of 400 000 rays off flattened balls of 320 to 81 920 triangles, half of them within 0.06 degrees of the
-# surface, 195 000 were stopped by it at offset 0, 14 at 6e-8, 1 at 2.5e-7, none from 5e-7 on.
+# Distance of the start of a shadow ray from its surface; the mesh has a half-extent of 1. Rounding moves points and
+# planes by about 1e-7. Of 400 000 rays from flattened balls of 320 to 81 920 triangles, half of them within 0.06
+# degrees of the surface, it stopped 195 000 at offset 0, 14 at 6e-8, 1 at 2.5e-7, and none from 5e-7 on.
 OFFSET = 2e-6
 
 Array = NDArray[np.floating]
 
 
 class Hits(NamedTuple):
-    """What rays hit first.
+    """The first hits of rays.
 
     Attributes:
-        face: number of the triangle, (N,); -1 where a ray hits none.
+        face: number of the triangle, (N,); -1 if a ray does not hit one.
         barycentric: weights of its three vertices, (N, 3), float64.
-        distance: along the ray in lengths of its direction, (N,); infinite where it hits none.
+        distance: distance along the ray in lengths of its direction, (N,); infinite if it does not hit a triangle.
     """
 
     face: NDArray[np.int32]
@@ -30,9 +30,10 @@ class Hits(NamedTuple):
 
 
 class Rays:
-    """Triangles that answer rays. Edges are watertight: no ray slips between two triangles that share one.
+    """Triangles that answer rays. Edges are watertight: rays do not pass between two triangles that share an edge.
 
-    Aimed exactly at a vertex, some do: 32 of 2562 from within a flattened ball; nothing drawn at random is so exact.
+    Some rays that aim exactly at a vertex do pass: 32 of 2562 from inside a flattened ball. Random rays do not aim so
+    exactly.
 
     Args:
         vertices: (V, 3), within [-1, 1], so that the offset of shadow rays fits.
@@ -44,19 +45,19 @@ class Rays:
         TriangleMesh(self._scene, np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32))
 
     def first_hit(self, origins: Array, directions: Array) -> Hits:
-        """The nearest triangle in front of each ray (N, 3), seen from either side."""
+        """The nearest triangle in front of each ray (N, 3), from either side of the triangle."""
         found = self._scene.run(_floats(origins), _floats(directions), output=True)
         face, u, v = found["primID"], found["u"].astype(np.float64), found["v"].astype(np.float64)
         distance = np.where(face < 0, np.float32(np.inf), found["tfar"])
         return Hits(face, np.stack([1 - u - v, u, v], axis=1), distance)
 
     def visible(self, points: Array, normals: Array, directions: Array) -> NDArray[np.bool_]:
-        """Whether nothing stands between a surface point and infinity, (N,).
+        """Whether nothing is between a surface point and infinity, (N,).
 
         Args:
             points: on the surface, (N, 3).
-            normals: of the triangle itself, on the side that is lit, unit, (N, 3); the ray starts OFFSET along it.
-            directions: (N, 3); those behind the surface are not visible, and no ray is cast for them.
+            normals: unit normals of the triangles, on the side that is lit, (N, 3); rays start OFFSET along them.
+            directions: (N, 3); directions behind the surface are not visible and need no ray.
         """
         above = np.einsum("nk,nk->n", normals, directions) > 0
         starts = _floats(points[above] + OFFSET * normals[above])

@@ -1,4 +1,4 @@
-"""Shapes that shadow themselves, by formula, with the normals and tangents of the smooth surface."""
+"""Shapes that shadow themselves, defined by formulas, with the normals and tangents of the smooth surface."""
 
 from collections.abc import Callable
 from math import pi
@@ -12,9 +12,9 @@ Floats = NDArray[np.float64]
 
 
 def cloth(rows: int = 160, n_waves: int = 24, seed: int = 1) -> Mesh:
-    """A wrinkled square cloth, 2 rows^2 triangles; tangents run along its threads, which lie along x.
+    """A wrinkled square cloth of 2 rows^2 triangles; tangents are along its threads, which lie along x.
 
-    Height y = sum of a_k cos(k . (x, z) + phase) over random waves, 1 to 7 across the cloth, of slopes a_k |k| alike.
+    Height y = sum of a_k cos(k . (x, z) + phase) over random waves, 1 to 7 across the cloth, with equal slopes a_k |k|.
     """
     rng = np.random.default_rng(seed)
     angle, waves, phase = rng.uniform(0, pi, n_waves), rng.uniform(1, 7, n_waves), rng.uniform(0, 2 * pi, n_waves)
@@ -35,9 +35,9 @@ def cloth(rows: int = 160, n_waves: int = 24, seed: int = 1) -> Mesh:
 
 
 def torus_knot(p: int = 2, q: int = 3, radius: float = 0.4, around: int = 32, along: int = 640) -> Mesh:
-    """A tube around the knot ((2 + cos qs) cos ps, (2 + cos qs) sin ps, sin qs), 2 around along triangles.
+    """A tube of 2 around along triangles on the knot ((2 + cos qs) cos ps, (2 + cos qs) sin ps, sin qs).
 
-    Tangents run along the tube.
+    Tangents are along the tube.
     """
     s = np.arange(along) * 2 * pi / along
     ring = 2 + np.cos(q * s)
@@ -65,9 +65,9 @@ def torus_knot(p: int = 2, q: int = 3, radius: float = 0.4, around: int = 32, al
 
 
 def bowl(inner: float = 0.9, around: int = 192, arc: int = 48, rim: int = 12) -> Mesh:
-    """Half a hollow ball of outer radius 1, open to +y, its rim a half circle; tangents run along circles of latitude.
+    """Half a hollow ball of outer radius 1, open to +y, with a round rim; tangents are along circles of latitude.
 
-    4 around (arc + rim / 2) triangles, without those of no area at the two poles.
+    It has 4 around (arc + rim / 2) triangles, less those without area at the two poles.
     """
     middle, width = (1 + inner) / 2, (1 - inner) / 2
     up, over = np.linspace(-pi / 2, 0, arc + 1), np.linspace(0, pi, rim + 1)[1:-1]
@@ -86,15 +86,15 @@ def bowl(inner: float = 0.9, around: int = 192, arc: int = 48, rim: int = 12) ->
 
     tangents = np.tile(np.stack([z, np.zeros(around), -x], axis=1), (len(radius), 1))
     quads = _grid(len(radius), around, closed=(False, True))
-    # At the poles a row is one point, and one triangle of each quad none.
+    # At the poles a row is one point, and one triangle of each quad has no area.
     faces = np.concatenate([quads[0, :, 0], quads[1:-1].reshape(-1, 3), quads[-1, :, 1]])
     return make_mesh(revolved(radius, height), faces, revolved(normal_out, normal_up), tangents, "bowl")
 
 
 def _grid(rows: int, columns: int, closed: tuple[bool, bool] = (False, False)) -> NDArray[np.int64]:
-    """Two triangles for each quad of a grid of vertices, row by row: (rows, columns, 2, 3), less one where not closed.
+    """Two triangles per quad of a grid of vertices: (rows, columns, 2, 3), one row or column less if it is not closed.
 
-    Counter-clockwise seen from where rows run down and columns to the right.
+    Triangles are counter-clockwise seen from the side where rows go down and columns to the right.
     """
     i, j = (np.arange(n if wraps else n - 1) for n, wraps in zip((rows, columns), closed, strict=True))
     i, j = i[:, None], j[None]

@@ -1,4 +1,4 @@
-"""The sphere: every normal of a hemisphere in one image, the test object of the sampling papers."""
+"""The sphere: all normals of a hemisphere in one image, the test object of papers on sampling."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -13,7 +13,7 @@ from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
 
 @dataclass(frozen=True)
 class UnitSphere:
-    """A convex scene: no point hides the light of another."""
+    """A convex scene: its points do not hide light from each other."""
 
 
 @VIEWS.register("sphere")
@@ -21,12 +21,13 @@ class Sphere(View):
     """A unit sphere in the middle of the image, seen along -z by an orthographic camera.
 
     The pixel at (x, y) radii from the middle shows the normal (x, y, sqrt(1 - x^2 - y^2)); wo = (0, 0, 1) everywhere.
-    The tangent runs along circles of latitude: t = up x n / |up x n|, b = n x t.
+    The tangent is along circles of latitude: t = up x n / |up x n|, b = n x t.
 
     Attributes:
         resolution: rows of pixels.
         width: columns of pixels; by default as many as rows.
-        coverage: share of the pixels that show the sphere, to a few pixels; by default its disc fills the shorter edge.
+        coverage: share of the pixels that show the sphere, within a few pixels; by default its disc fills the shorter
+            edge.
     """
 
     resolution: Annotated[int, Field(ge=1, le=8192)] = 256
@@ -46,12 +47,12 @@ class Sphere(View):
         if self.coverage is not None:
             squares = (x[None, :] ** 2 + y[:, None] ** 2).flatten()
             covered = max(1, round(self.coverage * height * width))
-            # A little beyond the last pixel of those: on the rim itself the surface is seen edge on.
+            # A little beyond the last of these pixels, because at the rim itself the view is at right angles to n.
             radius = float(squares.kthvalue(covered).values + 1) ** 0.5
         return (x / radius).expand(height, -1), (y / radius)[:, None].expand(-1, width)
 
     def mask(self) -> Tensor:
-        """True (H, W) where a pixel's centre lies inside the disc."""
+        """Whether each pixel's centre lies inside the disc, (H, W)."""
         x, y = self._grid()
         return x * x + y * y < 1
 
@@ -60,7 +61,7 @@ class Sphere(View):
         x, y = (c[self.mask()] for c in self._grid())
         n = Vec3(x, y, torch.sqrt(1 - x * x - y * y))
         zero, one = torch.zeros_like(x), torch.ones_like(x)
-        # At a pole every tangent is as good as another: x is.
+        # At a pole all tangents are equally good: x is used.
         at_pole = (n.x == 0) & (n.z == 0)
         t = normalize(Vec3(torch.where(at_pole, one, n.z), zero, -n.x))
         frame = (t, cross(n, t), n, Vec3(zero, zero, one))

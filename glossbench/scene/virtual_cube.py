@@ -1,4 +1,4 @@
-"""All directions of a normal with all of a view: the surface on which factors of the lighting function are measured."""
+"""All pairs of a normal and a view: the surface on which the factors of the lighting function are measured."""
 
 from typing import Annotated
 
@@ -11,23 +11,23 @@ from glossbench.envmap.cubemap import texel_directions
 from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
 from glossbench.scene.sphere import UnitSphere
 
-# A view at right angles to the normal, up to rounding, is none.
+# A view at right angles to the normal, up to rounding, does not count.
 LEAST_COSINE = 1e-6
 
 
 @VIEWS.register("virtual_cube")
 class VirtualCube(View):
-    """Every pair of texels of a cube as a normal and a view: row a normal, column a view, nothing where n . v <= 0.
+    """Every pair of texels of a cube as a normal (row) and a view (column); pairs with n . v <= 0 are not shown.
 
-    So errors over its pixels are errors over samples of the lighting function, whatever the method. Rows and columns
-    are in the order (face, row, column) of the texels. The tangent is that of the world's +x, see `tangent`.
+    For every method, errors over its pixels are errors over samples of the lighting function. Rows and columns are in
+    the order (face, row, column) of the texels. The tangent follows from the world's +x, see `tangent`.
 
     Attributes:
-        edge: texels along the edge of a face; of 16 there are 1,179,360 pairs.
-        every: shows one pair in so many, in the order of the pixels; a prime number meets all normals and views.
-        ceiling: radiance above counts as this in metrics, in images and reference alike; 0 for no ceiling.
+        edge: texels along the edge of a face; 16 gives 1,179,360 pairs.
+        every: show one pair in this many, in the order of the pixels; a prime number reaches all normals and views.
+        ceiling: metrics count larger radiance as this value, in images and reference; 0 means no ceiling.
 
-    Source: the samples of Latta and Kolb 2002, sections 3.3 and 4, and the errors of their table 1; ceiling 4 there.
+    Source: the samples of Latta and Kolb 2002, sections 3.3 and 4, and the errors of their table 1, with ceiling 4.
     """
 
     edge: Annotated[int, Field(ge=2, le=24)] = 16
@@ -42,7 +42,7 @@ class VirtualCube(View):
         return valid_pairs(self.edge)[:: self.every]
 
     def mask(self) -> Tensor:
-        """True (6 edge^2, 6 edge^2) for the pairs that are shown."""
+        """Whether each pair is shown, (6 edge^2, 6 edge^2)."""
         mask = torch.zeros(6 * self.edge**2, 6 * self.edge**2, dtype=torch.bool)
         mask[tuple(self._pairs().T)] = True
         return mask
@@ -72,9 +72,9 @@ def valid_pairs(edge: int) -> Tensor:
 
 
 def tangent(n: Vec3) -> Vec3:
-    """t = (x - (x . n) n) / |.|, x the world's +x; where n = +-x every tangent is as good as another, and +y is taken.
+    """t = (x - (x . n) n) / |.|, x the world's +x; if n = +-x all tangents are equally good, and +y is used.
 
-    Source: Latta and Kolb 2002, below eq. 6, where x is horizontal for the viewer.
+    Source: Latta and Kolb 2002, below eq. 6, whose x is horizontal for the viewer.
     """
     t = Vec3(1 - n.x * n.x, -n.x * n.y, -n.x * n.z)
     singular = dot(t, t) < 1e-12

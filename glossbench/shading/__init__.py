@@ -1,5 +1,5 @@
 """The shade interface: methods and their stages, the cache of stages, costs, kernels.
 
-It imports scene, brdf, envmap and the rooms below, and no method: methods are found by their registry. The room is not
-called shade, for `glossbench.shade` is the public function.
+It imports scene, brdf, envmap and the rooms below, but not the methods: their registry finds them. The room is not
+called shade, because `glossbench.shade` is the public function.
 """

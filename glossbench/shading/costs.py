@@ -1,4 +1,4 @@
-"""Costs: seconds of work once warm, bytes of what it leaves, and the record of both that an image carries."""
+"""Costs: seconds of work after a warm-up, bytes of its results, and the record of both in an image."""
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-# Runs after the first, of work that takes long: three, that their spread shows; but no third once 10 s are spent.
+# Least number of counted runs of long work: three, so that their spread is known, but two if these take 10 s.
 LEAST_RUNS, LONG = 3, 10.0
-# A first run of so many seconds is as good as any: what a cold start adds, some tens of milliseconds, is lost in it.
+# A first run of more seconds than this counts too: a cold start adds only some tens of milliseconds to it.
 STARTED = 1.0
 
 
@@ -21,11 +21,11 @@ class Timing(NamedTuple):
     """Seconds of some work, run several times.
 
     Attributes:
-        median: of the runs.
+        median: median of the runs.
         low: the fastest run.
         high: the slowest run.
-        runs: how many count.
-        busy: share of the time in which this process could have run that other work had the processor, [0, 1].
+        runs: number of runs that count.
+        busy: of the time in which this process could have run, the share in which other work had the processor, [0, 1].
     """
 
     median: float = float("nan")
@@ -37,14 +37,15 @@ class Timing(NamedTuple):
 
 @dataclass(frozen=True)
 class Costs:
-    """What an image cost.
+    """The costs of an image.
 
     Attributes:
-        stage_seconds: of each stage, in their order.
-        update_seconds: of the stages that must be redone when the light, material, geometry or view changes.
-        shade: of all pixels, once the stages are there.
-        state_bytes: of what all stages leave in memory.
-        n_samples: light samples a pixel.
+        stage_seconds: time of each stage, in their order [s].
+        update_seconds: time of the stages that must be computed again when the light, material, geometry or view
+            changes [s].
+        shade: time of shading all pixels, without the stages.
+        state_bytes: size of the results of all stages [bytes].
+        n_samples: light samples per pixel.
     """
 
     stage_seconds: dict[str, float] = field(default_factory=dict)
@@ -55,15 +56,15 @@ class Costs:
 
     @property
     def shade_seconds(self) -> float:
-        """Seconds of all pixels, the median of several runs."""
+        """Time of shading all pixels, the median of several runs [s]."""
         return self.shade.median
 
 
 def timed(work: Callable[[], Any], device: str = "cpu", patience: float = 0.2) -> tuple[Any, Timing]:
-    """The value of some work and the seconds that it takes once warm.
+    """The value of some work and the seconds that it takes after a warm-up.
 
-    After a first run the work is run again while `patience` seconds last, and at least three times (twice where that
-    takes more than ten seconds); patience 0 makes do with the first.
+    After a first run the work is run again until `patience` seconds have passed, and at least three times (twice if
+    that takes more than ten seconds). With patience 0 only the first run is made.
     """
     value, first = _run(work, device)
     if patience == 0:
@@ -78,19 +79,19 @@ def timed(work: Callable[[], Any], device: str = "cpu", patience: float = 0.2) -
 
 
 class Watch:
-    """How much other work had the processor since it was made."""
+    """Measures how much other work has had the processor since this object was made."""
 
     def __init__(self) -> None:
         self._started = self._now()
 
     def busy(self) -> float:
-        """Share of the time in which this process could have run that it waited for a processor, [0, 1].
+        """The share of its runnable time in which this process waited for a processor, [0, 1].
 
-        Linux counts, of each thread, the time that it waits. Elsewhere it is the share of the time without any
-        progress, which says less where several threads work.
+        Linux counts the waiting time of each thread. On other systems the result is the share of the time in which the
+        process did not use a processor, which is less exact if several threads work.
         """
         wall, cpu, waited = (now - then for now, then in zip(self._now(), self._started, strict=True))
-        if waited != waited:  # NaN: not counted here
+        if waited != waited:  # NaN: this system does not count it
             return max(0.0, 1 - cpu / wall) if wall > 0 else 0.0
         return max(0.0, waited) / (max(0.0, waited) + cpu) if cpu > 0 else 0.0
 
@@ -99,7 +100,7 @@ class Watch:
 
 
 def _waited() -> float:
-    """Seconds that the threads of this process waited for a processor so far; NaN where nothing counts them."""
+    """Seconds that the threads of this process have waited for a processor; NaN if the system does not count them."""
     total = 0.0
     for path in Path("/proc/self/task").glob("*/schedstat"):
         try:

@@ -1,4 +1,4 @@
-"""Running a method: its stages where no cache has them, then its shade, timed and checked."""
+"""Running a method: its stages, if they are not in the cache, and then its shade, timed and checked."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -23,13 +23,13 @@ from glossbench.shapes import Mask, Picture, Radiance
 
 @dataclass(frozen=True)
 class Image:
-    """What a method shows.
+    """The result of a method.
 
     Attributes:
         radiance: zero outside the mask.
-        mask: true where the surface is seen.
+        mask: true where the surface is visible.
         costs: seconds and bytes.
-        pictures: of the method's state, by name.
+        pictures: pictures of the method's state, by name.
     """
 
     radiance: Picture
@@ -51,13 +51,13 @@ def shade(
     """The image of a material under a light by a method.
 
     Args:
-        cache: stages of earlier calls, to be shared; by default none.
-        time_it: run shade again, so that its time is a warm one.
+        cache: stages of earlier calls, which this call shares; by default none.
+        time_it: run shade again, so that its time does not include a cold start.
 
     Raises:
         InputError: the method does not support the combination.
-        MethodError: the method returned the wrong shape, dtype or device, or radiance that is not finite, or wrote
-            into a tensor that it was given; or what else it returned is not what it must be.
+        MethodError: the method returned a wrong shape, dtype or device, or radiance that is not finite; or it wrote
+            into a tensor that it was given; or another of its results is wrong.
     """
     check_call(
         "shade", method=(method, Method), light=(light, CubeMap), material=(material, Material), view=(view, View)
@@ -94,11 +94,11 @@ def shade(
 
 
 def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patience: float = 0.0) -> dict[str, Prepared]:
-    """The stages of a method, those that the cache has taken from there, the others computed.
+    """The stages of a method, from the cache if it has them, otherwise computed.
 
     Args:
         inputs: light, material, scene and view.
-        patience: seconds for which a stage is run again to be timed.
+        patience: seconds for which the runs of a stage are repeated to measure its time.
     """
     light = inputs["light"]
     device = str(light.faces.device)
@@ -114,7 +114,7 @@ def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patien
 
 
 def arguments_of(function: Callable[..., Any], known: Mapping[str, Any]) -> dict[str, Any]:
-    """Of what is known by name, that which the parameters of a function ask for."""
+    """The known values that a function has as parameters, by name."""
     return {name: known[name] for name in inspect.signature(function).parameters}
 
 

@@ -1,8 +1,8 @@
 """The shade interface: a method is options, stages of precomputation, and shade.
 
 A stage is a function of a method whose parameter names say what it needs: `light` (CubeMap), `material`, `scene`,
-`view`, or an earlier stage. From the names the framework derives the order of the stages, what is shared between
-methods and budgets, and what must be redone when the light, the material, the geometry or the view changes.
+`view`, or an earlier stage. From these names the framework derives the order of the stages, the values that methods and
+budgets share, and the stages to compute again when the light, the material, the geometry or the view changes.
 """
 
 import inspect
@@ -21,7 +21,7 @@ from glossbench.registry import Registry
 from glossbench.shapes import Radiance
 
 INPUTS = ("light", "material", "scene", "view")
-# What an artist or a game changes -> the input that is then new. A view change leaves the geometry as it is.
+# A change by an artist or a game -> the input that it replaces. A change of the view does not change the geometry.
 CHANGES = {"light": "light", "material": "material", "geometry": "scene", "view": "view"}
 
 
@@ -47,17 +47,18 @@ def stage(function: Callable[..., T]) -> Stage[T]:
 
 @dataclass(frozen=True)
 class Contract:
-    """What a method promises, checked by `glossbench check-method`.
+    """The properties that a method promises. `glossbench check-method` tests them.
 
     Attributes:
-        furnace: largest RMS error over the mean under constant light, at the largest budget, of any material.
-        linear: the image of a sum of lights is the sum of their images.
-        turns: largest RMS change over the mean when light and surface turn by 90 degrees, with all budget.
-        budget: the option that buys accuracy, and values to try; None where there is none. Claims and plots compare
-            methods at equal budgets, whatever their options are called.
-        slope: largest fitted slope of log RMS over log samples; None where no convergence is claimed.
-        options: under which furnace and slope hold, where the defaults cut off what no budget brings back.
-        quick: options of all checks where the defaults take minutes.
+        furnace: largest ratio of RMS error to mean under constant light, at the largest budget, for any material.
+        linear: whether the image of a sum of lights is the sum of their images.
+        turns: largest ratio of RMS change to mean when light and surface turn by 90 degrees, at the largest budget.
+        budget: the option that increases accuracy, and values to try; None if there is no such option. Claims and plots
+            compare methods at equal budgets, whatever the names of the options are.
+        slope: largest fitted slope of log RMS over log samples; None if the method does not claim to converge.
+        options: options under which furnace and slope hold, if the defaults cause an error that a larger budget does
+            not reduce.
+        quick: options for all checks, if the defaults take minutes.
     """
 
     furnace: float = 0.02
@@ -76,8 +77,8 @@ class Method(Options):
     shade(self, points, material, <stages by name>) -> radiance (P, 3), float32.
 
     Attributes:
-        equation: what shade computes, in typst's notation of mathematics, for reports to set; the docstring begins with
-            the same in plain letters.
+        equation: the formula that shade computes, in the mathematical notation of typst, for reports; the docstring
+            begins with the same formula in plain text.
     """
 
     equation: ClassVar[str] = ""
@@ -85,29 +86,29 @@ class Method(Options):
 
     @property
     def is_random(self) -> bool:
-        """Whether its option `seed` moves what it shows; by default where it has one."""
+        """Whether the option `seed` changes the image; by default true if the method has this option."""
         return "seed" in option_names(type(self))
 
     def supports(self, material: Material, scene: Any) -> str | None:
-        """Why this method cannot show this material on this scene; None when it can."""
+        """The reason why this method cannot show this material on this scene; None if it can."""
         return None
 
     def n_samples(self, material: Material) -> int:
-        """Light samples that a pixel takes: by default the budget, 1 where there is none; a pattern may not meet it."""
+        """Light samples per pixel: by default the budget, or 1 without one; a fixed pattern may use another number."""
         value = getattr(self, budget_of(type(self)), 1)
         return value if isinstance(value, int) else 1
 
     def half_vectors(self, material: Material) -> Float[Tensor, "samples 2"] | None:
-        """The half vectors, theta and phi, that every pixel uses for the first lobe; None if there are none."""
+        """The half vectors, theta and phi, that every pixel uses for the first lobe; None if the method has none."""
         return None
 
     shade: ClassVar[Callable[..., Radiance]]
-    # pictures(self, <stages by name>) -> {name: (H, W, 3)}: what of its state is worth looking at, for reports.
+    # pictures(self, <stages by name>) -> {name: (H, W, 3)}: images of its state for reports, such as filtered maps.
     pictures: ClassVar[Callable[..., Mapping[str, Tensor]] | None] = None
 
 
 def budget_of(method: type[Method]) -> str:
-    """Name of the option that is a method's budget, as its contract says; empty where there is none."""
+    """Name of the option that is a method's budget, according to its contract; empty if there is none."""
     option = method.contract.budget[0] if method.contract.budget else ""
     return option if option in option_names(method) else ""
 
@@ -122,7 +123,11 @@ def stated_stages(method: type[Method]) -> dict[str, Stage[Any]]:
 
 
 def stages_of(method: type[Method]) -> dict[str, Stage[Any]]:
-    """The stages of a method in the order in which they must run; InputError for a parameter that nothing provides."""
+    """The stages of a method in the order in which they must run.
+
+    Raises:
+        InputError: a parameter is neither an input nor a stage, or stages need each other in a circle.
+    """
     pending = stated_stages(method)
     if not hasattr(method, "shade"):
         raise InputError(f"{method.__name__} has no shade(self, points, material, ...)")
@@ -143,7 +148,7 @@ def stages_of(method: type[Method]) -> dict[str, Stage[Any]]:
 
 
 def dependencies(stages: Mapping[str, Stage[Any]]) -> dict[str, frozenset[str]]:
-    """The inputs that each stage depends on, itself or through earlier stages."""
+    """The inputs that each stage depends on, directly or through earlier stages."""
     found: dict[str, frozenset[str]] = {}
     for name, value in stages.items():
         found[name] = frozenset().union(*(found.get(n, frozenset({n})) for n in value.needs))

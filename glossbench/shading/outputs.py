@@ -1,6 +1,6 @@
-"""What plug-ins return beside radiance: each of the type, shape and size that is promised, or MethodError.
+"""Checks of the values that plug-ins return in addition to radiance: a wrong type, shape or size is a MethodError.
 
-Any of it goes into the table, the files and the reports of a run, which must not end by one cell's fault.
+These values go into the table, the files and the reports of a run, and a fault in one cell must not end the run.
 """
 
 import operator
@@ -16,13 +16,13 @@ from torch import Tensor
 from glossbench.errors import MethodError
 from glossbench.scene.points import View
 
-MOST_SAMPLES = 1 << 53  # a table of numbers holds it exactly
+MOST_SAMPLES = 1 << 53  # the largest integer up to which a double is exact
 MOST_PIXELS = 8192  # along an edge
-LONGEST = 80  # characters of a picture's name, which is part of a file's
+LONGEST = 80  # characters in the name of a picture, which is part of a file name
 
 
 def reason_of(by: str, value: Any) -> str | None:
-    """What `supports` returned: None, or a sentence."""
+    """The checked result of `supports`: None, or a sentence."""
     if value is None:
         return None
     text = printable(str(value))
@@ -32,7 +32,7 @@ def reason_of(by: str, value: Any) -> str | None:
 
 
 def count_of(by: str, value: Any) -> int:
-    """What `n_samples` returned: a whole number."""
+    """The checked result of `n_samples`: a whole number."""
     rule = f"{by}.n_samples must return a whole number in [0, 2^53]"
     try:
         if isinstance(value, bool | np.bool_):
@@ -46,21 +46,21 @@ def count_of(by: str, value: Any) -> int:
 
 
 def notes_of(by: str, value: Any) -> list[str]:
-    """What `notes` returned: sentences."""
+    """The checked result of `notes`: sentences."""
     if not isinstance(value, list | tuple) or not all(isinstance(note, str) for note in value):
         raise MethodError(f"{by}.notes must return a tuple of sentences, got {_told(value)}")
     return [printable(note) for note in value]
 
 
 def key_text(by: str, value: Any) -> str:
-    """What `key` returned: text."""
+    """The checked result of `key`: text."""
     if not isinstance(value, str):
         raise MethodError(f"{by}.key must return text, got {_told(value)}")
     return printable(value)
 
 
 def number_of(by: str, value: Any) -> float:
-    """What a metric returned: a number, which may be infinite, but not NaN."""
+    """The checked result of a metric: a number, which may be infinite, but not NaN."""
     try:
         if isinstance(value, str | bytes | bool | np.bool_):
             raise TypeError
@@ -73,7 +73,7 @@ def number_of(by: str, value: Any) -> float:
 
 
 def pattern_of(by: str, value: Any) -> NDArray[np.float32] | None:
-    """What `half_vectors` returned: None, or a finite tensor (N, 2)."""
+    """The checked result of `half_vectors`: None, or a finite tensor (N, 2)."""
     if value is None:
         return None
     rule = f"{by}.half_vectors must return None or finite numbers (N, 2) in a tensor"
@@ -87,7 +87,7 @@ def pattern_of(by: str, value: Any) -> NDArray[np.float32] | None:
 
 
 def pictures_of(by: str, value: Any) -> dict[str, Tensor]:
-    """What `pictures` returned: finite images (H, W, 3) in tensors, by names that files can bear."""
+    """The checked result of `pictures`: finite images (H, W, 3) in tensors, by names that are valid in file names."""
     if not isinstance(value, Mapping):
         raise MethodError(f"{by}.pictures must return a mapping of names to tensors (H, W, 3), got {_told(value)}")
     found = {}
@@ -106,7 +106,7 @@ def pictures_of(by: str, value: Any) -> dict[str, Tensor]:
 
 
 def check_view(view: View) -> None:
-    """MethodError for a view whose mask or points are not what they must be."""
+    """Raise MethodError if the mask or the points of a view have a wrong type, shape or value."""
     mask, points = view.mask(), view.points()
     if not isinstance(mask, Tensor) or mask.dtype != torch.bool or mask.ndim != 2:
         raise MethodError(f"{view.name}.mask must return booleans (H, W) in a tensor, got {_told(mask)}")
@@ -125,12 +125,12 @@ def check_view(view: View) -> None:
 
 
 def printable(text: str) -> str:
-    """Text that any file can hold: half a character, which Python allows, is escaped."""
+    """Text that every file can hold: half of a surrogate pair, which Python allows in text, is escaped."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
 def _told(value: Any) -> str:
-    """What was returned, in a few words."""
+    """A returned value in a few words."""
     if isinstance(value, Tensor | np.ndarray):
         return f"{type(value).__name__} {tuple(value.shape)} {str(value.dtype).removeprefix('torch.')}"
     if isinstance(value, int) and abs(value) > 10**30:

@@ -1,4 +1,4 @@
-"""Values of stages of precomputation, computed once for all that ask for the same, and timed."""
+"""Values of stages of precomputation: each is computed once, timed, and shared by all that need it."""
 
 import dataclasses
 from collections.abc import Callable, Hashable, Iterator, Mapping
@@ -11,17 +11,17 @@ from glossbench.errors import MethodError
 from glossbench.options import Options
 from glossbench.shading.costs import n_bytes, tensors_in, timed
 
-LIMIT = 2 << 30  # bytes that values may take which no method uses at the time
+LIMIT = 2 << 30  # bytes that all values may take; those in use are never dropped
 
 
 @dataclass(eq=False)
 class Prepared:
-    """The value of one stage with what it cost.
+    """The value of one stage, and its costs.
 
     Attributes:
-        key: what made it: the stage, the keys of its inputs, the options that it read.
-        warm: its time is that of a warm run; those of tuning are cold.
-        used: the turn of the cache in which it was last asked for.
+        key: the origin of the value: the stage, the keys of its inputs, the options that it read.
+        warm: whether its time is that of a warm run; runs for tuning are cold.
+        used: the turn of the cache in which it was last requested.
     """
 
     value: Any
@@ -34,25 +34,27 @@ class Prepared:
 
 
 class StageCache:
-    """Values of stages that were computed, for whoever asks for the same again.
+    """Values of stages that were computed, for use by later calls.
 
-    Same means: the same stage, with equal values of the options that it read, of inputs of the same keys. So one
-    pyramid serves every method, material and budget. A value whose bytes have changed since it was made is made again.
+    A value is used again for the same stage, equal values of the options that the stage read, and inputs with the same
+    keys. So one pyramid serves every method, material and budget. A value whose bytes have changed since it was
+    computed is computed again.
 
     Args:
-        limit: bytes that all values may take; beyond it the one goes that was not asked for the longest, but none of
-            those of one turn.
+        tell: called with the names of the method and the stage when a stage begins.
+        limit: bytes that all values may take. Above it, the values that were not used for the longest time are dropped,
+            but never those of the current turn.
     """
 
     def __init__(self, tell: Callable[[str], None] = lambda text: None, limit: int = LIMIT) -> None:
         self._entries: dict[Hashable, list[tuple[Read, Prepared]]] = {}
-        self._tell = tell  # which stage is under way
+        self._tell = tell
         self._limit = limit
         self._turn = 0
-        self._trusted: dict[int, Prepared] = {}  # by id, those whose bytes were compared since the last check
+        self._trusted: dict[int, Prepared] = {}  # by id, values whose bytes were compared since the last check
 
     def begin(self) -> None:
-        """A new turn: what is asked for until the next one is used together, and kept together."""
+        """Begin a new turn: all values that are requested during one turn are used together and kept."""
         self._turn += 1
 
     def get(
@@ -64,10 +66,10 @@ class StageCache:
         device: str,
         patience: float,
     ) -> Prepared:
-        """The stage's value, computed (and timed, see `timed`) where no equal one is known.
+        """The value of a stage. It is computed and timed (see `timed`) if the cache does not have an equal one.
 
         Args:
-            keys: of the inputs; that of another stage is its `Prepared.key`.
+            keys: keys of the inputs; the key of another stage is its `Prepared.key`.
         """
         known = (stage, tuple(map(_hashable, keys)))
         entries = self._entries.setdefault(known, [])
@@ -82,7 +84,7 @@ class StageCache:
         self._tell(f"{method.name}: {stage.__name__}")
         with unwritten(f"{method.name}.{stage.__name__}", inputs):
             value, timing = timed(lambda: stage(Recorder(method, read), **inputs), device, patience)
-        if found is not None:  # made while tuning: its value stays, which others may be made of
+        if found is not None:  # computed during tuning: its value stays, because other values may depend on it
             prepared = found[1]
             prepared.seconds, prepared.warm = timing.median, True
         else:
@@ -96,7 +98,7 @@ class StageCache:
         return prepared
 
     def check(self, by: str) -> None:
-        """MethodError if a value that was handed out since the last check was written to, which then is dropped."""
+        """Raise MethodError if a value that was returned since the last check was written to; that value is dropped."""
         handed_out, self._trusted = self._trusted, {}
         written = [p for p in handed_out.values() if digest_of(p.value) != p.digest]
         for entries in self._entries.values():
@@ -113,7 +115,7 @@ class StageCache:
         return True
 
     def _drop(self) -> None:
-        """Let go of what was used the longest ago until the rest is within the limit."""
+        """Drop the values that were not used for the longest time, until the rest is within the limit."""
         total = sum(prepared.n_bytes for entries in self._entries.values() for _, prepared in entries)
         while total > self._limit:
             idle = [(p.used, known, i) for known, entries in self._entries.items()
@@ -127,7 +129,10 @@ class StageCache:
 
 
 class _Itself:
-    """Stands in a key for a value that cannot be hashed: equal to itself alone, and kept, so that its id stays its."""
+    """Stands in a key for a value that cannot be hashed. It is equal only to the same object.
+
+    It keeps the object alive, so that no other object gets its id.
+    """
 
     def __init__(self, value: Any) -> None:
         self.value = value
@@ -153,27 +158,27 @@ class Read:
     """The options that a stage read, by name.
 
     Attributes:
-        values: what the stage got; None where the method has no such option.
-        defaults: what the stage takes where a method has no such option, see `option_of`.
+        values: the values that the stage read; None if the method does not have the option.
+        defaults: the values that the stage uses if a method does not have the option, see `option_of`.
     """
 
     values: dict[str, Any] = field(default_factory=dict)
     defaults: dict[str, Any] = field(default_factory=dict)
 
     def agrees(self, method: Options) -> bool:
-        """Whether the stage would read the same from this method."""
+        """Whether the stage would read the same values from this method."""
         found = {option: getattr(method, option, self.defaults.get(option)) for option in self.values}
         return all(type(found[option]) is type(v) and found[option] == v for option, v in self.values.items())
 
     def key(self) -> tuple[Hashable, ...]:
-        """The names, types and values."""
+        """The names, types and values of the options, as a key."""
         return tuple((name, type(value), _hashable(value)) for name, value in sorted(self.values.items()))
 
 
 def option_of(method: Any, option: str, default: Any) -> Any:
-    """An option of the method that a stage runs for, or a default where the method has no such option.
+    """An option of the method that a stage runs for, or a default if the method does not have this option.
 
-    Methods that have the default, and those that have no such option, then share the value of the stage.
+    So methods whose option has the default share the value of the stage with methods that do not have the option.
     """
     if isinstance(method, Recorder):
         method._read.defaults[option] = default
@@ -181,7 +186,7 @@ def option_of(method: Any, option: str, default: Any) -> Any:
 
 
 class Recorder:
-    """Stands for a method while a stage runs, and notes the options that the stage reads."""
+    """Stands for a method while a stage runs, and records the options that the stage reads."""
 
     def __init__(self, method: Options, read: Read) -> None:
         self._method, self._read = method, read
@@ -189,10 +194,10 @@ class Recorder:
     def __getattr__(self, name: str) -> Any:
         values = self._read.values
         if not hasattr(self._method, name):
-            values[name] = self._read.defaults.get(name)  # a method that has another value must not share the stage's
+            values[name] = self._read.defaults.get(name)  # a method with another value must not share this result
             raise AttributeError(f"{type(self._method).__name__} has no option {name!r}")
         value = getattr(self._method, name)
-        if callable(value):  # a helper may read any option, and another class may have another helper
+        if callable(value):  # a function of the method may read any option, and may differ in another class
             values["__class__"] = type(self._method)
             values |= {f.name: getattr(self._method, f.name) for f in dataclasses.fields(self._method)}  # type: ignore[arg-type]
         else:
@@ -202,7 +207,7 @@ class Recorder:
 
 @contextmanager
 def unwritten(by: str, inputs: Mapping[str, Any]) -> Iterator[None]:
-    """MethodError if a tensor inside the inputs is written to meanwhile: what shares it would be wrong."""
+    """Raise MethodError if the block writes to a tensor inside the inputs: other values that use it would be wrong."""
     tensors = [(name, t) for name, value in inputs.items() for t in tensors_in(value) if not t.is_inference()]
     versions = [t._version for _, t in tensors]
     yield

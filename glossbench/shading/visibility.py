@@ -1,4 +1,4 @@
-"""Visibility by shadow rays: which samples of a light the scene hides, and the diffuse part that is left of it."""
+"""Visibility by shadow rays: the samples of a light that the scene hides get the weight zero."""
 
 from typing import Any
 
@@ -12,14 +12,14 @@ from glossbench.shapes import Directions
 
 
 def occluder_of(scene: Any) -> Occluder | None:
-    """The scene where it hides light, else None."""
+    """The scene if it can hide light, otherwise None."""
     return scene if isinstance(scene, Occluder) else None
 
 
 def unhidden(weight: Channels, points: ShadingPoints, d: Directions, occluder: Occluder | None) -> Channels:
-    """The weights, zero where the scene hides the direction d; None hides nothing.
+    """The weights, set to zero where the scene hides the direction d; without an occluder they do not change.
 
-    Only of what has a weight a ray is cast. d is in the world's axes.
+    Rays are cast only for samples with a weight above zero. d is in the axes of the world.
     """
     return weight if occluder is None else _cast(weight, points, d, occluder)
 

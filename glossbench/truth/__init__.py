@@ -1,4 +1,4 @@
 """The reference: converged images with a measured noise.
 
-It imports shading and the rooms below. It looks at nothing that is prefiltered.
+It imports shading and the rooms below. It does not use prefiltered light.
 """

@@ -1,4 +1,4 @@
-"""Partial sums of a reference on disk, so that one which was killed goes on where it was."""
+"""Partial sums of a reference on disk, so that a killed computation can be continued."""
 
 import hashlib
 import time
@@ -15,14 +15,14 @@ from glossbench.atomic import replacing
 from glossbench.provenance import code_hash, source_hash
 from glossbench.shading.costs import tensors_in
 
-INTERVAL = 10.0  # seconds between two savings at the least: the sums of a large image are a hundred megabytes
+INTERVAL = 10.0  # least seconds between two savings: the sums of a large image take a hundred megabytes
 
 
 class Checkpoint:
-    """One file in a folder, whole or absent, under a key of all that decides the sums; or none at all.
+    """A file with partial sums. Its name is a key of everything that decides the sums. It is written whole or not.
 
     Attributes:
-        path: of the file; None keeps nothing.
+        path: path of the file; None if nothing is stored.
     """
 
     def __init__(self, path: Path | None) -> None:
@@ -31,9 +31,9 @@ class Checkpoint:
 
     @staticmethod
     def of(folder: Path | None, *parts: Any) -> "Checkpoint":
-        """The file in a folder for what some texts, numbers and tensors decide, and the source that adds them up.
+        """The file in a folder whose name depends on the parts (texts, numbers, tensors) and on the source code.
 
-        Of a class the source counts that it is made of.
+        A part that is a class counts by the hash of its source.
         """
         if folder is None:
             return Checkpoint(None)
@@ -44,20 +44,20 @@ class Checkpoint:
         return Checkpoint(folder / f"{digest.hexdigest()[:20]}.partial.npz")
 
     def load(self, sums: Tensor, done: list[int]) -> None:
-        """Fill in the sums and the samples that each holds, where there are any on disk."""
+        """Read the sums, and the number of samples in each, from disk; without a file nothing changes."""
         if self.path is None or not self.path.is_file():
             return
         try:
             with self.path.open("rb") as file, np.load(file) as stored:
                 kept, counts = torch.from_numpy(stored["sums"]), stored["done"].tolist()
-        except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile):  # damaged: begin again
+        except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile):  # damaged: start again
             return
         if kept.shape == sums.shape and len(counts) == len(done):
             sums.copy_(kept)
             done[:] = counts
 
     def save(self, sums: Tensor, done: list[int]) -> None:
-        """Put the sums on disk in place of the last, unless that was a moment ago."""
+        """Write the sums to disk in place of the last ones, unless these are younger than `INTERVAL`."""
         if self.path is not None and time.monotonic() - self._saved >= INTERVAL:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with replacing(self.path) as part, part.open("wb") as file:
@@ -65,7 +65,7 @@ class Checkpoint:
             self._saved = time.monotonic()
 
     def remove(self) -> None:
-        """What is finished needs no partial sums."""
+        """Delete the file: a finished reference does not need partial sums."""
         if self.path is not None:
             self.path.unlink(missing_ok=True)
 

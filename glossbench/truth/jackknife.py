@@ -1,6 +1,6 @@
-"""The jackknife: what the noise of the reference does to a number, from the number without each group of replicates.
+"""The jackknife: bias and variance that the noise of the reference causes in a number.
 
-A number f that was computed from G groups of replicates is computed again without each of them, f_1 to f_G. Then
+A number f that was computed from G groups of replicates is computed again without each group, f_1 to f_G. Then
 
     bias = (G - 1) (mean(f_i) - f),    variance = (G - 1) / G sum of (f_i - mean(f_i))^2.
 
@@ -13,16 +13,17 @@ import numpy as np
 
 
 def jackknife(value: float, left_out: Sequence[float]) -> tuple[float, float]:
-    """The bias and the variance of a number, from the numbers without each group."""
+    """The bias and the variance of a number, from its values without each group."""
     n, found = len(left_out), np.asarray(left_out, float)
     mean = float(found.mean())
     return (n - 1) * (mean - value), (n - 1) / n * float(((found - mean) ** 2).sum())
 
 
 def unbiased(values: Sequence[float]) -> float:
-    """A metric without the bias that noise gives it, from the values of a sample; never below 0 where none of them is.
+    """A metric minus the bias that noise causes, from the full value and the values without each group.
 
-    Close to 0 the bias of a mean square is all that there is, and what is left of it may have either sign.
+    The result is never below 0 if none of the values is: near 0, a mean square consists only of its bias, and the
+    difference may have either sign.
     """
     if len(values) == 1:
         return values[0]

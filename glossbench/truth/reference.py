@@ -1,12 +1,13 @@
-"""The converged truth, with its own error bar: multiple importance sampling of material and light, never a MIP level.
+"""The converged truth with its standard error: multiple importance sampling of material and light, without MIP levels.
 
 Lo(wo) = integral of L(wi) f(wo, wi) cos_i dwi, L the bilinear interpolant of the light's texels. Techniques: the
-light's luminance, each lobe's sampler, and the cosine for a diffuse part. Each draws N points of its own scrambled
-Sobol sequence, and all are weighted by the balance heuristic (Veach 1997 eq. 9.8): every sample contributes
-f L cos_i V / (N sum of all pdfs). V is 1, and 0 where the scene hides the light: a direction that hits the surface
-again is black, whatever is seen there. Replicates with independent scrambles give each pixel its standard error; all
-sequences are extended together until the image's noise is under the target. Groups of replicates are kept, so that
-what is computed from the reference can be computed again without each of them (jackknife.py).
+light's luminance, each lobe's sampler, and the cosine for a diffuse part. Each technique draws N points of its own
+scrambled Sobol sequence, and all are weighted by the balance heuristic (Veach 1997 eq. 9.8): every sample contributes
+f L cos_i V / (N sum of all pdfs). V is 0 where the scene hides the light, otherwise 1: a direction that hits the
+surface again contributes nothing, so interreflection is left out. Replicates with independent scrambles give the
+standard error of each pixel. All sequences are extended together until the noise of the image is below the target.
+Groups of replicates are stored, so that a number computed from the reference can be computed again without each group
+(jackknife.py).
 """
 
 from collections.abc import Callable, Iterator
@@ -32,11 +33,12 @@ from glossbench.shading.kernels import over_points
 from glossbench.shading.visibility import occluder_of, unhidden
 from glossbench.truth.checkpoint import Checkpoint
 
-N_REPLICATES = 16  # the standard error is itself known to 1 / sqrt(2 (16 - 1)) = 18 %
-N_GROUPS = 8  # of two replicates: a metric is evaluated once more for each
-FIRST_SAMPLES = 64  # of each replicate and technique
-# A round of so many point-sample pairs is fused: eagerly it takes 6 s, compiling its kernels some 30 s once, but the
-# next rounds take twice and four times as long, and a study's other references find the kernels compiled.
+N_REPLICATES = 16  # the relative error of the standard error is 1 / sqrt(2 (16 - 1)) = 18 %
+N_GROUPS = 8  # of two replicates each; a metric is evaluated once more for each group
+FIRST_SAMPLES = 64  # per replicate and technique
+# A round with at least so many point-sample pairs is fused. In eager mode it takes 6 s; compiling its kernels takes
+# about 30 s once. But the next rounds take two and four times as long, and other references of the study use the same
+# compiled kernels.
 FUSE_ABOVE = 1 << 26
 
 
@@ -46,11 +48,11 @@ class Reference:
 
     Attributes:
         radiance: (H, W, 3), float64, zero outside the mask.
-        standard_error: of each pixel and channel, (H, W, 3), float64.
-        mask: (H, W), true where the surface is seen.
-        n_samples: a pixel, over all replicates and techniques.
-        deviates: (G, H, W, 3), float16, of each group of replicates: its mean less the radiance, in standard errors; 0
-            where the standard error is 0. All that a group has in common over pixels is kept.
+        standard_error: standard error of each pixel and channel, (H, W, 3), float64.
+        mask: (H, W), true where the surface is visible.
+        n_samples: samples per pixel, over all replicates and techniques.
+        deviates: (G, H, W, 3), float16: for each group of replicates, its mean minus the radiance, in standard errors;
+            0 where the standard error is 0. So errors that are correlated between the pixels of a group are kept.
     """
 
     radiance: Tensor
@@ -61,7 +63,7 @@ class Reference:
 
     @staticmethod
     def of(replicates: Tensor, mask: Tensor, n_samples: int) -> "Reference":
-        """The mean of replicates (R, P, 3), float64, of the pixels of a mask; R a multiple of the number of groups."""
+        """A reference from replicates (R, P, 3), float64, at the pixels of a mask; R is a multiple of `N_GROUPS`."""
         mean = replicates.mean(0)
         error = replicates.std(0) / len(replicates) ** 0.5
         groups = replicates.unflatten(0, (N_GROUPS, -1)).mean(1)
@@ -70,15 +72,15 @@ class Reference:
         return Reference(image_of(mask, mean), image_of(mask, error), mask, n_samples, kept)
 
     def left_out(self, n_groups: int = N_GROUPS) -> Iterator["Reference"]:
-        """The references of all replicates but those of one group, for each group.
+        """For each group, the reference from all replicates except those of this group.
 
-        T_i = T - (g_i - T) / (G - 1), where g_i is the mean of group i, and T of all G groups.
+        T_i = T - (g_i - T) / (G - 1), where g_i is the mean of group i, and T the mean of all G groups.
 
         Args:
-            n_groups: G; fewer groups are made of neighbours.
+            n_groups: G. If it is below the number of stored groups, neighbouring groups are merged.
 
         Raises:
-            InputError: the kept groups do not make so many equal ones, or it is less than 2.
+            InputError: n_groups is below 2, or does not divide the number of stored groups.
         """
         kept = len(self.deviates)
         if n_groups < 2 or kept % n_groups:
@@ -90,7 +92,7 @@ class Reference:
 
     @property
     def noise(self) -> float:
-        """Root mean square of the standard error over pixels and channels: the RMS that a perfect image would show."""
+        """Root mean square of the standard error over pixels and channels: the RMS error of a perfect image."""
         return float(self.standard_error[self.mask].square().mean().sqrt())
 
     @property
@@ -108,7 +110,7 @@ class LightSamples(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """What all techniques share; the occluder is None where the scene hides no light."""
+    """Data that all techniques share; the occluder is None if the scene does not hide light."""
 
     reflectance: Reflectance
     distribution: LightDistribution
@@ -130,16 +132,17 @@ def compute_reference(
     """The converged image of a material under a light.
 
     Args:
-        relative_error: target of noise over mean radiance; a black image is done at once.
-        max_samples: of a pixel and technique, over all replicates; the noise then is what it is.
-        seed: of the scrambles.
-        progress: called after each doubling with the relative noise and the samples a pixel so far.
-        checkpoint: a folder for the sums so far, saved every ten seconds; a killed call that is made again goes on
-            from them to the same bytes, and the last removes them.
+        relative_error: target for the ratio of noise to mean radiance; a black image is finished after one round.
+        max_samples: largest number of samples per pixel and technique, over all replicates. If it is reached first, the
+            noise stays above the target.
+        seed: seed of the scrambles.
+        progress: called after each doubling with the relative noise and the number of samples per pixel so far.
+        checkpoint: a folder for the partial sums, which are saved every ten seconds. If a call is killed, the same call
+            continues from them and gives the same bytes. The finished call removes them.
 
     Raises:
-        InputError: relative_error not positive, max_samples below the first round's.
-        MethodError: the material has more lobes than there are kernels, 16.
+        InputError: relative_error is not positive, or max_samples is below that of the first round.
+        MethodError: the material has more than 16 lobes, the number of kernels.
     """
     check_call("reference", light=(light, CubeMap), material=(material, Material), view=(view, View))
     if not relative_error > 0:
@@ -191,7 +194,7 @@ def compute_reference(
 
 
 def estimates(light: CubeMap, material: Material, points: ShadingPoints, n_samples: int, seed: int) -> Tensor:
-    """One replicate: radiance (P, 3), float64, by so many samples a technique, where nothing hides the light."""
+    """One replicate: radiance (P, 3), float64, with n samples per technique, if nothing hides the light."""
     reflectance = material.reflectance(points.device)
     tables = Tables(reflectance, luminance_distribution(light), finest(light), None)
     n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
@@ -234,7 +237,7 @@ def _from_cosine(points: ShadingPoints, tables: Tables, wi: Vec3) -> Tensor:
 
 
 def _balanced(reflectance: Reflectance, wo: Vec3, wi: Vec3, light_pdf: Tensor) -> Channels:
-    """f cos_i / sum of all techniques' pdfs, a channel."""
+    """f cos_i / sum of the pdfs of all techniques, for each channel."""
     pdf, f = light_pdf, reflectance.diffuse_f()
     if reflectance.diffuse:
         pdf = pdf + wi.z.clamp(min=0) / pi
@@ -253,10 +256,10 @@ def _lobe_kernel(k: int) -> Callable[..., Tensor]:
     return from_lobe
 
 
-# One kernel object a lobe number: a compiled kernel is known by its object.
+# One kernel object per lobe number, because torch.compile keeps its result per kernel object.
 _LOBE_KERNELS = [_lobe_kernel(k) for k in range(MAX_LOBES)]
 
 
 def _open(u: Tensor) -> Tensor:
-    """Points of the open unit square: the logarithm of u is taken."""
+    """Points of the open unit square, because the logarithm of u is taken."""
     return u.clamp(2.0**-24, 1 - 2.0**-24)

@@ -1,4 +1,4 @@
-"""Ambient occlusion: the light of an open scene, darkened alike from all sides."""
+"""Ambient occlusion: the radiance of an open scene, darkened by the same factor in all directions."""
 
 from typing import Annotated, Any, Literal
 
@@ -39,23 +39,24 @@ from .openness import openness
 
 @METHODS.register("ambient_occlusion")
 class AmbientOcclusion(Method):
-    """Lo ~ AO(x) c(x), AO the cosine-weighted share of the hemisphere that x sees, c the radiance if nothing hid.
+    """Lo ~ AO(x) c(x), AO the cosine-weighted share of the hemisphere that x sees, c the radiance without occlusion.
 
-    c is a lookup of one filtered cube for each cosine lobe, as of partial environment maps without occlusion. What
-    hides the mirror direction and what does not darken a glossy surface alike: that is what it cannot show.
+    c takes one lookup in a filtered cube for each cosine lobe, as partial environment maps without occlusion. It cannot
+    show directional occlusion: a blocker darkens a glossy surface by the same factor, whether or not it hides the
+    mirror direction.
 
     Attributes:
-        lighting: "environment": the light, "AO with color". "constant": in its place a grey one of its mean luminance,
-            "AO (shadow only)".
-        rays: N at each point.
-        seed: of the rays.
-        mip_filter: of the cube, 5 taps before each 2x2 mean.
-        volume: of a lobe, by which levels are found.
-        energy: of a lobe; "normal": of the view along the normal, "albedo": of each view.
-        lobes: cosine lobes at most for each glossy lobe.
+        lighting: "environment": the light itself, "AO with color". "constant": a grey light with the same mean
+            luminance instead, "AO (shadow only)".
+        rays: number N of rays at each point.
+        seed: seed of the rays.
+        mip_filter: filter of the cube, 5 taps before each 2x2 mean.
+        volume: the volume of a lobe, by which levels are found.
+        energy: the energy of a lobe; "normal": that of the view along the normal, "albedo": that of each view.
+        lobes: largest number of cosine lobes for each glossy lobe.
 
-    Source: the comparisons of Knuth et al. 2014, figure 6 (b) and (c), whose text gives no formula: this reading of
-    them is ours; ambient occlusion as Zhukov et al. 1998, without a limit of distance.
+    Source: the comparisons of Knuth et al. 2014, figure 6 (b) and (c). The paper does not give a formula: this reading
+    is ours. Ambient occlusion as Zhukov et al. 1998, without a limit of distance.
     """
 
     lighting: Literal["environment", "constant"] = "environment"
@@ -66,23 +67,23 @@ class AmbientOcclusion(Method):
     energy: Energy = "normal"
     lobes: Annotated[int, Field(ge=1, le=4)] = 2
 
-    # As of the one cube: measured, furnace 7e-5.
+    # Measured: furnace 7e-5, as for partial environment maps with one cube.
     equation = 'L_o approx "AO"(x) thin c(x)'
     contract = Contract(furnace=1e-3, budget=None, options={"energy": "albedo"})
 
     lobe_sums = lobe_sums
 
     def supports(self, material: Material, scene: Any) -> str | None:
-        """A reason where a lobe is no sum of round lobes about the mirror direction."""
+        """The reason why a lobe is not a sum of round lobes about the mirror direction, if it is not."""
         return no_lobe_sums(material)
 
     def n_samples(self, material: Material) -> int:
-        """Lookups: one for each cosine lobe and the diffuse part."""
+        """Number of lookups: one for each cosine lobe and one for the diffuse part."""
         return n_lookups(material, self.lobes)
 
     @stage
     def calibration(self, light: CubeMap) -> LobeLevels:
-        """Levels of exponents; of the light only its resolution counts."""
+        """Levels of exponents; they depend only on the resolution of the light."""
         return calibrate(light.resolution, self.mip_filter, self.volume)
 
     @stage

@@ -9,14 +9,14 @@ from glossbench.prefilter import Occluder, ShadingPoints, Vec3, cosine_hemispher
 
 
 def openness(scene: Any, points: ShadingPoints, n_rays: int, seed: int) -> Tensor:
-    """(1/N) sum of V(wi), wi of density cos_i / pi about n: (P,); 1 where the scene hides nothing.
+    """(1/N) sum of V(wi), wi of density cos_i / pi about n: (P,); 1 if the scene does not hide light.
 
-    Its mean over seeds is the ambient visibility (1 / pi) integral of V cos_i dwi. Each point has the N Hammersley
-    points, shifted around the unit square by a number of its own (Cranley and Patterson 1976), so that each ray has
-    the density exactly. Directions below the triangle itself are hidden.
+    Its mean over seeds is the ambient visibility (1 / pi) integral of V cos_i dwi. Each point uses the N Hammersley
+    points, shifted modulo 1 by a random vector of its own (Cranley and Patterson 1976), so that each ray has exactly
+    this density. Directions below the triangle itself are hidden.
 
     Args:
-        seed: of the shifts, with N.
+        seed: seed of the shifts.
     """
     if not isinstance(scene, Occluder):
         return torch.ones(len(points), device=points.device)

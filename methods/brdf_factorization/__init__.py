@@ -1,4 +1,4 @@
-"""BRDF factorization, McCool et al. 2001: point lights that shine on a BRDF made of two textures."""
+"""BRDF factorization, McCool et al. 2001: directional lights on a BRDF that is a product of two textures."""
 
 from typing import Annotated
 
@@ -28,17 +28,17 @@ from .factors import BRDFFactors, factor_brdf
 class BRDFFactorization(Method):
     """Lo ~ sum over K directional lights of p(wi) q(h) p(wo) cos_i E_k, p and q the factors of the BRDF.
 
-    The lights are regions of the environment, each as one direction: right for a light of few small sources, a baseline
-    for any other. A new light costs next to nothing, for the factors know the material alone. It cannot show an
-    extended light as such; and what of a BRDF is no such product.
+    Each light is one direction that stands for a region of the environment: correct for a light of few small sources, a
+    baseline for any other light. A new light costs almost nothing, because the factors depend only on the material. It
+    cannot show extended lights, nor the part of a BRDF that is not such a product.
 
     Attributes:
-        lights: K regions of a median cut, from 6; 1 is the whole light as one direction, its mean one; from above
-            where it has none, as a constant light.
+        lights: number K of regions of a median cut, at least 6; or 1: the whole light comes from its mean direction, or
+            from above if it does not have one, such as a constant light.
         edge: texels along the edge of a factor's map.
-        pairs: of directions at which the BRDF is sampled.
-        smoothness, solver, tolerance: as of `homomorphic.factorize`.
-        floor: values of the BRDF below this times its largest count as that.
+        pairs: number of pairs of directions at which the BRDF is sampled.
+        smoothness, solver, tolerance: see `factorize`.
+        floor: values of the BRDF below this times its maximum are raised to it.
 
     Source: McCool et al. 2001; compared so in Latta and Kolb 2002, section 4.2.
     """
@@ -52,19 +52,19 @@ class BRDFFactorization(Method):
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = 1e-5
 
     equation = "L_o approx sum_k p(omega_k) thin q(h_k) thin p(omega_o) cos theta_k thin E_k"
-    # Measured: furnace 1.0, of a narrow lobe that is no such product; 18 with all light from one direction. turns 4e-7.
-    # Regions of a light that is added to move.
+    # Measured: furnace 1.0, for a narrow lobe that is not such a product; 18 with all light from one direction. turns
+    # 4e-7. It is not linear, because the regions of a sum of lights are not those of its terms.
     contract = Contract(
         furnace=1.5, linear=False, budget=None, options={"lights": 384, "edge": 32, "pairs": 20_000},
         quick={"pairs": 5000, "edge": 8},
     )  # fmt: skip
 
     def n_samples(self, material: Material) -> int:
-        """Lights."""
+        """Number of lights."""
         return self.lights
 
     def notes(self) -> tuple[str, ...]:
-        """That one light stands for all, which may have no direction."""
+        """A note that one light stands for the whole environment, which may not have a mean direction."""
         if self.lights > 1:
             return ()
         return (

@@ -23,7 +23,7 @@ from glossbench.prefilter import (
     widen,
 )
 
-# Below, a factor 1 / cos of a model that has one is no longer sampled: it would outweigh all else.
+# Smaller cosines are not sampled: in models with a factor 1 / cos they would outweigh all other samples.
 LEAST_COSINE = 0.02
 
 
@@ -45,11 +45,11 @@ def factor_brdf(
 ) -> BRDFFactors:
     """Factors of a material's f at n pairs of directions.
 
-    Of half of the pairs both are uniform in their cosine and azimuth; of the others wi mirrors wo at a half vector of
-    the first lobe's own density, so that highlights have samples.
+    In half of the pairs, both directions are uniform in cosine and azimuth. In the other half, wi is the reflection of
+    wo at a half vector drawn from the first lobe, so that highlights have samples.
 
     Args:
-        floor: values of f below this times the largest count as that.
+        floor: values of f below this times the maximum are raised to it.
 
     Source: McCool et al. 2001, sections 3 to 5.
     """
@@ -71,7 +71,7 @@ def factor_brdf(
     rows = [grid_rows(*_places(d, edge), (edge, edge)) for d in (wo, wi, half_vector(wo, wi))]
     laplacian = grid_laplacian((edge, edge))
     maps = [FactorMap(csr_array(rows[0] + rows[1]), laplacian), FactorMap(rows[2], laplacian)]
-    # Both directions read p: its weights sum to 2, and a start from averages would be off by that.
+    # Both directions read p, so its weights sum to 2, and `average_start` would give a wrong level.
     level = np.log(f.numpy()).mean(0) / 3
     start = [np.tile(level, (edge * edge, 1)) for _ in maps]
     found = factorize(np.log(f.numpy()), maps, smoothness, solver, tolerance, start=start)
@@ -85,7 +85,7 @@ def _places(d: Vec3, edge: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _read(texels: Tensor, d: Vec3) -> Tensor:
-    """A map between its texels, in directions (P,) above the surface: (P, 3)."""
+    """Bilinear lookups of a map in directions (P,) above the surface: (P, 3)."""
     edge = texels.shape[0]
     z = 1 + d.z.clamp(min=0)
     column, row = (0.5 + d.x / (2 * z)) * edge, (0.5 - d.y / (2 * z)) * edge

@@ -49,8 +49,8 @@ from glossbench.prefilter import (
 from .visibility_harmonics import fit_visibility, smooth, visibility_at
 
 LodBias = Literal["plain", "filament", "babylon", "materialx", "gltf_ibl_sampler"]
-# Levels that each code adds to log4 of the exact ratio 1 / (N p Omega_texel), read from their sources: Filament and
-# Babylon take K = 4, glTF-IBL-Sampler drops the 4 pi of the sphere.
+# Levels that each code adds to log4 of the exact ratio 1 / (N p Omega_texel), from the sources of each code: Filament
+# and Babylon use K = 4, glTF-IBL-Sampler leaves out the 4 pi of the sphere.
 LOD_BIAS: dict[LodBias, float] = {
     "plain": 0.0,
     "filament": 1.0,
@@ -64,40 +64,42 @@ LOD_BIAS: dict[LodBias, float] = {
 class FilteredImportanceSampling(Method):
     """Lo ~ (1/N) sum of L(wi, l) f cos_i / p, l = max(1/2 log2(K / (N p Omega_texel)) + mip_bias, 0).
 
-    wi is drawn by the BRDF's own sampler, the same N points at every pixel; l is the level of the pyramid whose texel
-    covers the solid angle K / (N p) of a sample. Each glossy lobe is summed by itself with its share of the samples;
-    the diffuse part is nine spherical harmonics. The isotropic filter is round: what an anisotropic lobe or a grazing
-    view stretches, it blurs or misses. The affine one is an ellipse, the image of the sample's square of side
-    sqrt(K / N) under the Jacobian of u -> wi by finite differences: `probes` lookups along its major axis with
-    Heckbert's Gaussian weights exp(-2 x^2), at the level of its minor axis, which is taken to be no shorter than
-    1 / probes of the major one, as anisotropic filters of graphics hardware do.
+    wi is drawn by the BRDF's own sampler, with the same N points at every pixel; l is the level of the pyramid whose
+    texel covers the solid angle K / (N p) of a sample. Each glossy lobe is summed separately with its share of the
+    samples; the diffuse part uses nine spherical harmonics. The isotropic filter is round: it blurs or misses the
+    stretched shape of an anisotropic lobe or a grazing view. The affine filter is an ellipse, the image of the sample's
+    square of side sqrt(K / N) under the Jacobian of u -> wi, from finite differences. It takes `probes` lookups along
+    its major axis with Heckbert's Gaussian weights exp(-2 x^2), at the level of its minor axis. The minor axis is at
+    least 1 / probes of the major axis, as in anisotropic filters of graphics hardware.
 
     Attributes:
-        samples: N, shared by the lobes.
-        k: extent of the filter K; the paper chose 4 by eye, for a box pyramid.
-        lod_bias: levels of a known code in place of 1/2 log2 K: plain 0, filament and babylon 1, materialx 1.15,
+        samples: N, divided among the lobes.
+        k: extent K of the filter; the paper chose 4 by eye, for a box pyramid.
+        lod_bias: levels of a known code instead of 1/2 log2 K: plain 0, filament and babylon 1, materialx 1.15,
             gltf_ibl_sampler 1.83.
-        mip_bias: levels added on top.
-        mip_filter: of the pyramid.
-        projection: of the light: the paper's dual paraboloid, or a cube with seamless edges.
-        footprint: of the filter, isotropic (section 4.2, eq. 12 and 13) or the affine one that its end reports on.
-        probes: lookups of an affine footprint; an isotropic one has one, whatever is stated.
-        visibility: where the scene hides light. "spherical_harmonics": the paper's, shadow tests in a few directions,
-            the same for all points; at each point spherical harmonics are fitted to visibility times cosine, which make
-            the diffuse part a scalar product with the light's, and over cos_i, in [0, 1], attenuate every filtered
-            sample. It blurs shadows, and guesses where no direction was tested. "rays": a shadow ray a sample, and
-            the diffuse part by N more filtered samples.
-        visibility_samples: directions of shadow tests.
+        mip_bias: number of levels to add to l.
+        mip_filter: filter of the pyramid.
+        projection: projection of the light: the dual paraboloid of the paper, or a cube with seamless edges.
+        footprint: shape of the filter: isotropic (section 4.2, eq. 12 and 13), or affine (reported at the end of that
+            section).
+        probes: lookups of an affine footprint; an isotropic footprint always takes one lookup.
+        visibility: the shadows, if the scene hides light. "spherical_harmonics": as in the paper, shadow tests in a few
+            directions that are the same for all points. At each point, spherical harmonics are fitted to visibility
+            times cosine. Their scalar product with those of the light is the diffuse part; divided by cos_i and limited
+            to [0, 1], they attenuate each filtered sample. This blurs shadows, and guesses where no direction was
+            tested. "rays": one shadow ray per sample; the diffuse part then takes N more filtered samples.
+        visibility_samples: number of directions of shadow tests.
         visibility_directions: drawn by luminance, or uniform over the sphere.
-        visibility_order: bands of the harmonics; n have n^2 coefficients, the paper's "4th order" 16 (Sloan et al.
-            2002 count so), with bands 0 to 3.
-        visibility_smoothing: standard deviation [pixels] of a Gaussian over the coefficients' image, by which the paper
-            hides the texels of its shadow maps. Rays have none; the cosine within the coefficients is smoothed too.
-        points: N points of the unit square.
-        seed: of random points.
+        visibility_order: number of bands of the harmonics; n bands have n^2 coefficients. The "4th order" of the paper
+            has 16, bands 0 to 3, as Sloan et al. 2002 count.
+        visibility_smoothing: standard deviation [pixels] of a Gaussian that blurs the image of the coefficients. The
+            paper hides the texels of its shadow maps by this; shadow rays do not need it. The cosine within the
+            coefficients is blurred, too.
+        points: the kind of the N points of the unit square.
+        seed: seed of random points.
 
-    Source: Krivanek and Colbert 2008, sections 4.2, 5.1 and 5.2. Differs: shadow rays in place of shadow maps, and
-    smoothing in the image in place of the surface's texture, within its outline.
+    Source: Krivanek and Colbert 2008, sections 4.2, 5.1 and 5.2. Differs: shadow rays instead of shadow maps, and
+    smoothing in the image, within the outline of the surface, instead of in the texture of the surface.
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 20)] = 40
@@ -128,7 +130,7 @@ class FilteredImportanceSampling(Method):
 
     @property
     def is_random(self) -> bool:
-        """The seed is of random points alone."""
+        """Whether the seed changes the image: only random points use it."""
         return self.points == "random"
 
     def __post_init__(self) -> None:
@@ -139,12 +141,12 @@ class FilteredImportanceSampling(Method):
             )
 
     def n_samples(self, material: Material) -> int:
-        """Samples of all lobes: at least one each."""
+        """Number of samples of all lobes, at least one for each."""
         return sum(material.as_lobes().share(self.samples))
 
     @stage
     def light_coefficients(self, light: CubeMap) -> Tensor | None:
-        """Coefficients of the light (K, 3), for the diffuse part, where visibility is in spherical harmonics."""
+        """Coefficients of the light (K, 3), for the diffuse part; None without visibility in spherical harmonics."""
         return project(light, self.visibility_order).float() if self.visibility == "spherical_harmonics" else None
 
     @stage
@@ -196,7 +198,7 @@ class FilteredImportanceSampling(Method):
         return radiance
 
     def _level(self, n: int, device: str) -> Tensor:
-        """log4(K / n) and the bias."""
+        """log4(K / n) plus the bias."""
         extent = log2(self.k) / 2 if self.lod_bias is None else LOD_BIAS[self.lod_bias]
         return torch.tensor(extent + self.mip_bias - log2(n) / 2, device=device)
 
@@ -209,7 +211,7 @@ def _isotropic(
     level: Tensor,
     hidden: Occluder | Tensor | None = None,
 ) -> Radiance:
-    """Sum over samples of one lobe; level = log4(K / N) and the bias."""
+    """Sum over samples of one lobe; level = log4(K / N) plus the bias."""
     wi, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
     return weighted_radiance(pyramid, d, lod, _attenuated(weight, points, d, wi, hidden))
 
@@ -217,7 +219,7 @@ def _isotropic(
 def _attenuated(
     weight: Channels, points: ShadingPoints, d: Vec3, wi: Vec3, hidden: Occluder | Tensor | None
 ) -> Channels:
-    """The weights times the visibility: by a ray each, by the coefficients of each point, or 1."""
+    """The weights times the visibility: from one ray per sample, from the coefficients of each point, or 1."""
     if isinstance(hidden, Tensor):
         V = visibility_at(hidden, d, wi.z)
         return tuple(w * V for w in weight)
@@ -225,18 +227,18 @@ def _attenuated(
 
 
 class Stepped(NamedTuple):
-    """Sample points a little along u1 and u2, and the steps with their signs over STEP, (1, N)."""
+    """Sample points moved by STEP along u1 and along u2, and the product of the signs of both steps, (1, N)."""
 
     first: Any
     second: Any
     sign: Tensor
 
 
-STEP = 1e-3  # float32 leaves differences of directions three to four digits
+STEP = 1e-3  # with float32, differences of directions then keep three to four digits
 
 
 def _steps(lobe: Lobe, u: Tensor) -> Stepped:
-    """Steps towards the middle of the unit square, so that none leaves it."""
+    """Steps towards the middle of the unit square, so that no point leaves it."""
     signs = torch.where(u < 0.5, 1.0, -1.0)
     first, second = u + STEP * signs * u.new_tensor([1, 0]), u + STEP * signs * u.new_tensor([0, 1])
     return Stepped(lobe.sample_points(first), lobe.sample_points(second), (signs[:, 0] * signs[:, 1])[None])
@@ -252,7 +254,7 @@ def _affine(
     places: Tensor,
     hidden: Occluder | Tensor | None = None,
 ) -> Radiance:
-    """Sum over samples of one lobe; places of the probes along the major axis, in half axes."""
+    """Sum over samples of one lobe; `places` are those of the probes along the major axis, in half axes."""
     wo = points.wo_local()
     wi, _, weight = lobe.sample(wo, samples)
     weight = _attenuated(weight, points, to_world(wi, points.t, points.b, points.n), wi, hidden)
@@ -261,7 +263,8 @@ def _affine(
         scale(Vec3(end.x - wi.x, end.y - wi.y, end.z - wi.z), side)
         for end in (lobe.sample(wo, stepped.first).wi, lobe.sample(wo, stepped.second).wi)
     )
-    # Singular values of (a b): squares are the eigenvalues of its Gram matrix; the sign of ab turns with the steps.
+    # The squares of the singular values of (a b) are the eigenvalues of its Gram matrix. The signs of the steps change
+    # the sign of ab.
     aa, bb, ab = dot(a, a), dot(b, b), dot(a, b) * stepped.sign
     mean, spread = (aa + bb) / 2, torch.sqrt(((aa - bb) / 2) ** 2 + ab * ab)
     angle = 0.5 * torch.atan2(2 * ab, aa - bb)
@@ -269,7 +272,7 @@ def _affine(
     axis = Vec3(cos * a.x + sin * b.x, cos * a.y + sin * b.y, cos * a.z + sin * b.z)
     major2 = mean + spread
     minor2 = torch.maximum((mean - spread).clamp(min=0), major2 / len(places) ** 2).clamp(min=1e-16)
-    # The probes span what the minor axis's own texel does not cover.
+    # The probes span the part of the major axis that a texel as wide as the minor axis does not cover.
     reach = 0.5 * (1 - torch.sqrt(minor2 / major2.clamp(min=1e-16))).clamp(min=0)
     share = torch.exp(-2 * places * places)
     share = share / share.sum()

@@ -6,19 +6,19 @@ from torch import Tensor
 
 from glossbench.prefilter import Occluder, ShadingPoints, Vec3, dot, over_points, sh_basis, unhidden
 
-# What the directions tell less of than this share of what they tell most of is taken to be zero. Measured on a cloth
-# and a torus knot under Grace, 16 directions, order 4, RMS over the mean, diffuse: 1e-6 0.26 and 1.05 (what is told
-# least swings), 1e-4 0.045 and 0.107, 1e-3 0.043 and 0.091, 1e-2 0.042 and 0.085; glossy, 64 directions: up to 1e-3
-# 0.086 and 0.136, 1e-2 0.095 and 0.157, 0.1 0.115 and 0.214 (what is left out darkens).
+# Eigenvalues below this fraction of the largest are treated as zero. Measured RMS over the mean, on a cloth and on a
+# torus knot under Grace, order 4. Diffuse, 16 directions: 1e-6 0.26 and 1.05 (small eigenvalues amplify noise), 1e-4
+# 0.045 and 0.107, 1e-3 0.043 and 0.091, 1e-2 0.042 and 0.085. Glossy, 64 directions: up to 1e-3 0.086 and 0.136, 1e-2
+# 0.095 and 0.157, 0.1 0.115 and 0.214 (the part that is left out darkens the image).
 LEAST_EIGENVALUE = 1e-3
 
 
 def fit_visibility(points: ShadingPoints, occluder: Occluder, directions: Vec3, order: int) -> Tensor:
     """Coefficients (P, order^2), float32, of the visibility times the cosine, v(w) = V(w) max(n . w, 0).
 
-    c = (B^T B)^+ B^T v, B_jk = Y_k(w_j): least squares over directions (M,), a shadow ray for each of them that is
-    above the surface. Y_k are in the world's axes, so that one pseudoinverse serves all points. Where directions are
-    fewer than coefficients, or crowd, the smallest of all solutions is taken.
+    c = (B^T B)^+ B^T v, B_jk = Y_k(w_j): least squares over directions (M,), with one shadow ray for each direction
+    above the surface. Y_k are in the axes of the world, so that one pseudoinverse serves all points. If there are fewer
+    directions than coefficients, or the directions are too close together, the solution with the least norm is used.
 
     Source: Krivanek and Colbert 2008, section 5.2.
     """
@@ -35,17 +35,17 @@ def _fit(points: ShadingPoints, directions: Vec3, solver: Tensor, occluder: Occl
 
 
 def visibility_at(coefficients: Tensor, d: Vec3, cos_i: Tensor) -> Tensor:
-    """V (P, N) in [0, 1] of directions above the surface: the fit of V cos_i over cos_i; coefficients (P, order^2)."""
+    """V (P, N) in [0, 1] in directions above the surface: the fit of V cos_i, (P, order^2), divided by cos_i."""
     order = round(coefficients.shape[1] ** 0.5)
     fit = sum(coefficients[:, k, None] * y for k, y in enumerate(sh_basis(d, order)))
     return (fit / cos_i.clamp(min=1e-6)).clamp(0, 1)
 
 
 def smooth(values: Tensor, mask: Tensor, sigma: float) -> Tensor:
-    """Values (P, K) of the pixels of a mask (H, W), each the Gaussian mean of those around it.
+    """Values (P, K) at the pixels of a mask (H, W), each replaced by the Gaussian mean of the values around it.
 
     Args:
-        sigma: standard deviation in pixels, cut off at 3; 0 leaves the values as they are.
+        sigma: standard deviation [pixels]; the Gaussian is cut off at 3 sigma. 0 does not change the values.
     """
     if sigma == 0:
         return values

@@ -46,12 +46,12 @@ from .monte_carlo import estimate_lighting_function
 
 @dataclass(frozen=True)
 class Textures:
-    """What is rendered: Lo = min(color product of t_j, 1) scale, without the minimum where `limited` is false.
+    """The textures to render: Lo = min(color product of t_j, 1) scale; without the minimum if `limited` is false.
 
     Attributes:
-        maps: t_j, or log t_j where `logarithm`.
+        maps: t_j, or log t_j if `logarithm` is true.
         color, scale: factors (3,).
-        dominant: direction of the light (3,).
+        dominant: dominant direction of the light (3,).
     """
 
     maps: tuple[Pyramid, ...]
@@ -66,36 +66,37 @@ class Textures:
 class LightingFactorization(Method):
     """Lo(v, n) ~ t1(n) t2(r), r the mirror direction of v; NRV adds t3(v), NRHD t3(h) t4(d) of a dominant light.
 
-    The factors are cube maps, found by least squares of log Lo over all pairs of normal and view of a virtual cube, for
-    each of which the light is summed texel by texel. A few lookups show any isotropic material, without samples. It
-    cannot show what is no such product: a lobe that changes its shape with the angle of the view, Fresnel towards
-    grazing views. Logarithms weigh relative errors: dark parts count as much as highlights. Nothing of it survives a
-    new light or a new material: all is done again.
+    The factors are cube maps. They are found by least squares of log Lo over all pairs of normal and view of a virtual
+    cube; for each pair the light is summed texel by texel. A few lookups show any isotropic material, without sampling.
+    It cannot show the part of Lo that is not such a product: lobes whose shape changes with the viewing angle, and
+    Fresnel reflection at grazing views. The logarithm weights relative errors: dark parts count as much as highlights.
+    A new light or a new material needs a new factorization.
 
     Attributes:
         parameters: NR (t1 t2), NRV or NRHD.
         edge: texels along the edge of the maps.
-        first_edge: of the first of the solves that double it, each from the result of the one before, with the same
-            samples; as large as `edge` or larger, and there is one solve.
-        virtual_edge: V of the virtual cube of normals and views, about (6 V^2)^2 / 2 samples.
-        light_edge: texels along a face's edge of the light that is summed.
-        texel_weight: solid angle of a texel of the light: exact, or "differential", eq. 11.
-        normalisation: what is factored: "integral" is Lo, "mean" Lo over the sum of all texel weights, 4 pi, as eq. 9
-            has it. It is multiplied back, so it only says what `clamp` means.
-        clamp: samples above count as this. Absolute errors of the paper are those of clamped samples.
-        floor: samples below this times the mean count as that: zero has no logarithm.
-        smoothness: lambda of the Laplacian, which the paper leaves open.
-        sampling: "sum" of all texels, or "monte_carlo": by `samples` of light and material for each sample of Lo.
-        samples: of light and material, for each sample of Lo, where `sampling` is "monte_carlo".
-        seed: of these.
-        solver, tolerance, max_iterations: as of `homomorphic.factorize`.
-        textures: "float", or "8bit" as of `fixed_point`, which the hardware of the paper had.
-        prescale: of 8-bit textures that need more than a factor of 4.
-        interpolation: between texels, of radiance as hardware does it, or of its "logarithm" as the solve sees it.
-        level: of the MIP maps that is shown, 0 the finest.
-        mip: level by level "factorized" with the solves of smaller edges, or the "box" of the finest.
+        first_edge: edge of the maps in the first solve. Each further solve doubles it and starts from the last result,
+            with the same samples. If it is not below `edge`, there is only one solve.
+        virtual_edge: V of the virtual cube of normals and views, which gives about (6 V^2)^2 / 2 samples.
+        light_edge: texels along the edge of a face of the light that is summed.
+        texel_weight: solid angle of a texel of the light: "exact", or "differential", eq. 11.
+        normalisation: the factored quantity: "integral" is Lo; "mean" is Lo over the sum of all texel weights, 4 pi, as
+            in eq. 9. The result is multiplied back, so this only changes the meaning of `clamp`.
+        clamp: samples above this value are lowered to it. The absolute errors in the paper are those of clamped
+            samples.
+        floor: samples below this times the mean are raised to it, because zero does not have a logarithm.
+        smoothness: lambda of the Laplacian; the paper does not give its value.
+        sampling: "sum" over all texels, or "monte_carlo": by `samples` of light and material for each sample of Lo.
+        samples: number of samples of light and material for each sample of Lo, if `sampling` is "monte_carlo".
+        seed: seed of these samples.
+        solver, tolerance, max_iterations: see `factorize`.
+        textures: "float", or "8bit", see `fixed_point`, as on the hardware of the paper.
+        prescale: for 8-bit textures that need a factor of more than 4, see `fixed_point`.
+        interpolation: between texels, of "radiance" as in hardware, or of its "logarithm" as in the solve.
+        level: the MIP level that is shown; 0 is the finest.
+        mip: "factorized": coarser levels are the solves of smaller edges; "box": they are box-filtered from the finest.
 
-    Source: Latta and Kolb 2002. Differs: the start (see `average_start`); the tangent field is that of the world's +x.
+    Source: Latta and Kolb 2002. Differs: the start (see `average_start`); tangents are along the world's +x.
     """
 
     parameters: Parameters = "NR"
@@ -122,20 +123,21 @@ class LightingFactorization(Method):
     mip: Literal["factorized", "box"] = "factorized"
 
     equation = "L_o (v, n) approx t_1 (n) thin t_2 (r), quad r = 2 (n dot v) n - v"
-    # Measured: furnace 0.56, as an albedo of the angle alone is no product of n and r; turns 9e-8.
+    # Measured: furnace 0.56, because an albedo that depends only on the angle is not a product of functions of n and r;
+    # turns 9e-8.
     contract = Contract(furnace=0.8, linear=False, budget=None, quick={"virtual_edge": 6, "light_edge": 16, "edge": 16})
 
     @property
     def is_random(self) -> bool:
-        """The seed is of Monte Carlo sums alone."""
+        """Whether the seed changes the image: only Monte Carlo sums use it."""
         return self.sampling == "monte_carlo"
 
     def supports(self, material: Material, scene: Any) -> str | None:
-        """A reason for an anisotropic material."""
+        """The reason why an anisotropic material cannot be shown."""
         return anisotropy(material)
 
     def n_samples(self, material: Material) -> int:
-        """Lookups."""
+        """Number of lookups."""
         return len(PARAMETERS[self.parameters])
 
     @stage
@@ -160,7 +162,7 @@ class LightingFactorization(Method):
 
     @stage
     def maps(self, light: CubeMap, factors: LightFactors) -> Textures:
-        """What is rendered of the factors."""
+        """The textures to render, from the factors."""
         device = light.faces.device
         unit = 1.0 if self.normalisation == "integral" else 4 * pi
         box = self.mip == "box"
@@ -172,7 +174,7 @@ class LightingFactorization(Method):
         if box and steps:
             values = [build_pyramid(CubeMap(v, "factor"), "box").level(steps) for v in values]
         if self.textures == "8bit":
-            # The hardware's range is that of the samples in the paper's units.
+            # The range of the hardware applies to samples in the units of the paper.
             stored = fixed_point([v / unit ** (1 / len(values)) for v in values], self.prescale)
             values, limited = list(stored.textures), True
             color, scale = stored.color * factors.lit, torch.full((3,), float(stored.scale * unit))

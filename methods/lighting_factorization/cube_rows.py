@@ -1,4 +1,4 @@
-"""A cube map as unknowns of linear equations: the rows that read its texels, and which texels are neighbours."""
+"""A cube map as unknowns of linear equations: the rows that read its texels, and the Laplacian of its neighbours."""
 
 import numpy as np
 import torch
@@ -11,7 +11,7 @@ from glossbench.prefilter import Vec3, bordered, face_coordinates, neighbour_lap
 def cube_rows(d: Vec3, edge: int) -> csr_array:
     """Rows (S, 6 edge^2) of the seamless bilinear lookup in S directions, texels in the order (face, row, column).
 
-    As `bordered` does it, the mean of the three texels at a corner of the cube stands for the fourth.
+    At a corner of the cube, the mean of the three texels stands for the fourth, as in `bordered`.
     """
     face, s, t, _ = face_coordinates(Vec3(*(c.double() for c in d)))
     # The border shifts texels by 1, their centres by 1/2.
@@ -27,7 +27,7 @@ def cube_rows(d: Vec3, edge: int) -> csr_array:
 
 
 def cube_laplacian(edge: int) -> csr_array:
-    """Laplacian (6 edge^2, 6 edge^2): 4 texel - the four neighbours, across the edges of the cube too.
+    """Laplacian (6 edge^2, 6 edge^2): 4 texel - sum of its four neighbours, also across the edges of the cube.
 
     Source: Latta and Kolb 2002, figure 1.
     """
@@ -39,7 +39,7 @@ def cube_laplacian(edge: int) -> csr_array:
 
 
 def _bordered_index(edge: int) -> Tensor:
-    """The texel at each place of the bordered faces, (6, edge + 2, edge + 2); -1 beyond a corner of the cube."""
+    """The texel at each place of the bordered faces, (6, edge + 2, edge + 2); -1 outside a corner of the cube."""
     index = torch.arange(6 * edge * edge, dtype=torch.float64).view(6, edge, edge, 1)
     places = bordered(index)[..., 0].round().long()
     ends = torch.tensor([0, edge + 1])

@@ -38,7 +38,7 @@ from glossbench.prefilter import (
 from .cube_rows import cube_laplacian, cube_rows
 
 Parameters = Literal["NR", "NRV", "NRHD"]
-# By which pair of directions alone a map is read: its rows are shared by all samples of that normal or view.
+# Factors that depend on one index of a pair, 0 normal or 1 view: all samples with this normal or view share a row.
 _SHARED = {"normal": 0, "difference": 0, "view": 1}
 PARAMETERS: dict[str, tuple[str, ...]] = {
     "NR": ("normal", "reflection"),
@@ -49,13 +49,13 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class LightFactors:
-    """What a solve leaves.
+    """The result of a factorization.
 
     Attributes:
-        logs: of each edge of the maps, coarse to fine, and each factor, log t_j (6, R, R, 3), float32.
-        lit: 1 where a channel has any light, else 0, (3,).
-        dominant: direction of the light (3,), for "half" and "difference".
-        iterations: of the solver, for each edge.
+        logs: log t_j (6, R, R, 3), float32, for each edge of the maps, coarse to fine, and each factor.
+        lit: 1 for each channel that has light, otherwise 0, (3,).
+        dominant: dominant direction of the light (3,), for "half" and "difference".
+        iterations: number of iterations of the solver for each edge.
     """
 
     logs: tuple[tuple[Tensor, ...], ...]
@@ -65,7 +65,7 @@ class LightFactors:
 
 
 def dominant_direction(light: CubeMap) -> Tensor:
-    """The mean direction of the light, by luminance and solid angle, (3,); +y for a light without one."""
+    """The mean direction of the light, weighted by luminance and solid angle, (3,); +y if it does not have one."""
     weight = (light.faces.double() @ torch.tensor(LUMINANCE, dtype=torch.float64, device=light.faces.device)).cpu()
     weight = weight * texel_solid_angles(light.resolution)
     mean = torch.einsum("fij,fijc->c", weight, stack(texel_directions(light.resolution)).double())
@@ -87,7 +87,7 @@ def factor_direction(factor: str, n: Vec3, v: Vec3, dominant: Tensor) -> Vec3:
     l = Vec3(*(torch.full_like(n.x, float(c)) for c in dominant))  # noqa: E741
     if factor == "difference":
         return to_local(l, *frame)
-    # Against the light there is no half vector: any will do.
+    # If v is opposite to the light, there is no half vector, and any direction can be used.
     h = normalize(Vec3(l.x + v.x, l.y + v.y, l.z + v.z + 1e-9))
     return to_local(h, *frame)
 
@@ -104,12 +104,12 @@ def factor_lighting(
     tolerance: float,
     max_iterations: int,
 ) -> LightFactors:
-    """Factors of samples of the lighting function, by a solve at each edge that starts from the coarser one's.
+    """Factors of samples of the lighting function: one solve for each edge, which starts from the coarser result.
 
     Args:
         edges: texels along the edge of the maps, coarse to fine.
-        floor: what is darker counts as this times the mean of its channel.
-        ceiling: what is brighter counts as this.
+        floor: samples below this times the mean of their channel are raised to it.
+        ceiling: samples above this are lowered to it.
     """
     names = PARAMETERS[parameters]
     clamped = samples.radiance.cpu().clamp(max=ceiling)

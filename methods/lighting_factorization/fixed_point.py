@@ -1,4 +1,4 @@
-"""Textures of 8 bits a channel whose product is a radiance, as graphics hardware with values in [0, 1] forms it."""
+"""Textures of 8 bits per channel whose product is a radiance, as on graphics hardware with values in [0, 1]."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ class FixedPoint:
     """min(color q_1 ... q_J, 1) scale ~ t_1 ... t_J.
 
     Attributes:
-        textures: q_j of 8 bits a channel, as float32 multiples of 1/255 in [0, 1].
+        textures: q_j with 8 bits per channel, as float32 multiples of 1/255 in [0, 1].
         color: the correction colour (3,), in [0, 1].
-        scale: 1, 2 or 4, by which the result is multiplied last, so that nothing is cut off too early.
-        excess: by what factor the product of the maxima is beyond 4, (3,); 1 where it is not.
+        scale: 1, 2 or 4; the result is multiplied by it in the last step, so that values are not cut off too early.
+        excess: the product of the maxima over `scale`, if that is above 1, otherwise 1, (3,).
     """
 
     textures: tuple[Tensor, ...]
@@ -27,10 +27,10 @@ class FixedPoint:
 def fixed_point(textures: Sequence[Tensor], prescale: float) -> FixedPoint:
     """Textures (..., 3) normalised to the maximum of each channel and rounded to 8 bits.
 
-    The product of the maxima is the correction colour, split into a colour of at most 1 and a scale of 1, 2 or 4.
-    Beyond 4 there is an excess: the textures are brightened by excess^prescale together, each in proportion to the
-    logarithm of its maximum over its mean, and cut off at 1. That costs highlights, of the texture that has them; what
-    prescale leaves of the excess darkens all.
+    The product of the maxima is the correction colour. It is split into a colour of at most 1 and a scale of 1, 2 or 4.
+    If it is above 4, the remaining factor is the excess. Then the textures together are brightened by excess^prescale
+    and cut off at 1. The share of each texture is proportional to log(maximum / mean), so the loss is in the highlights
+    of the texture that has them. The rest of the excess darkens the whole image.
 
     Args:
         prescale: in [0, 1].

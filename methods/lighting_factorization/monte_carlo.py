@@ -1,4 +1,4 @@
-"""The lighting function by Monte Carlo: light and material sampled for each pair of normal and view, with the error."""
+"""The lighting function by Monte Carlo: samples of light and material for each pair of normal and view."""
 
 import torch
 
@@ -10,10 +10,10 @@ REPLICATES = 4
 def estimate_lighting_function(
     light: CubeMap, material: Material, edge: int = 12, n_samples: int = 64, seed: int = 0
 ) -> LightingSamples:
-    """Lo of all valid pairs of a virtual cube by multiple importance sampling, and its standard error.
+    """Lo for all valid pairs of a virtual cube by multiple importance sampling, and its standard error.
 
-    The estimator is the reference's, with N / 4 samples a technique in each of four replicates; the light is not
-    averaged to fewer texels first. The standard error of four replicates is itself known to 40 %.
+    The estimator is that of the reference, with N / 4 samples per technique in each of four replicates. The light is
+    not averaged to fewer texels first. The relative error of a standard error from four replicates is 40 %.
     """
     pairs = valid_pairs(edge)
     points = pair_points(edge, pairs)

@@ -1,4 +1,4 @@
-"""Partial environment maps, Knuth et al. 2014: a light in regions, each filtered by itself into cosine lobes."""
+"""Partial environment maps, Knuth et al. 2014: a light in regions, each filtered separately into cosine lobes."""
 
 from typing import Annotated, Any, Literal
 
@@ -42,40 +42,43 @@ from .parabolic_maps import build_parabolic_maps, pitches
 class PartialEnvironmentMaps(Method):
     """Lo ~ kd c(n, 1) + sum over k of A share_k c(r, s_k), c(d, s) = sum over regions i of VIS_i PEM_i(d, level(s)).
 
-    PEM_i is a cube that is black but for region i of the light, with levels that are filtered by 5 taps before each
-    2x2 mean; level(s) is where one lit texel has become a lobe of the volume of cos^s (see lobe_calibration). A glossy
-    lobe is a sum of cosine lobes about r, the mirror direction of wo, fitted to f cos_i seen along the normal, A its
-    energy. That is exact for `phong`, whose exponent becomes s + 1 there (s without foreshortening); the part of the
-    energy that the fit puts in the wrong place with two lobes is below 1 % for `kurt` and `ward` of m <= 0.5, 3 to
-    12 % for `ggx` of alpha 0.3 to 0.05. It cannot show what stretches, cuts or shifts a lobe away from the normal
-    view: foreshortening, shadowing, the horizon, anisotropy. Filters of cubes count texels alike, not by solid
-    angle: a small light in the middle of a face loses up to half of its energy in the coarsest levels, one at a corner
-    gains. Nothing
-    finer than the fitted lobes is lost: up to a mirror the light's own texels are read.
+    PEM_i is a cube map that is black except in region i of the light. Each of its levels is filtered by 5 taps before
+    the 2x2 mean; level(s) is the level at which one lit texel has become a lobe with the volume of cos^s (see
+    `calibrate`). A glossy lobe is a sum of cosine lobes about r, the mirror direction of wo, fitted to f cos_i seen
+    along the normal; A is its energy. This is exact for `phong`, whose exponent becomes s + 1 there (s without
+    foreshortening). With two lobes, the share of the energy that the fit puts in a wrong place is below 1 % for `kurt`
+    and `ward` of m <= 0.5, and 3 to 12 % for `ggx` of alpha 0.3 to 0.05. It cannot show how a lobe is stretched, cut or
+    shifted in other views than along the normal: foreshortening, shadowing, the horizon, anisotropy. The filters of
+    cubes give all texels the same weight, not their solid angle: a small light in the middle of a face loses up to half
+    of its energy in the coarsest levels, a light at a corner gains energy. The levels are as fine as the fitted lobes
+    need: for a mirror the texels of the light itself are read.
 
     Attributes:
-        regions: N of the median cut, about N / 6 a face.
-        visibility: VIS_i. "shadow_maps": of a variance shadow map a region, blurred as it is large. "rays": one ray to
-            the region's direction. "none": nothing is hidden, so cubes are summed before they are filtered, as
-            filtering is linear: one region and one lookup a lobe. On a scene that hides nothing all show the same.
+        regions: number N of regions of the median cut, about N / 6 per face.
+        visibility: VIS_i. "shadow_maps": one variance shadow map per region, blurred according to its size. "rays": one
+            ray to the region's direction. "none": VIS_i = 1; then, as filtering is linear, the cubes are summed before
+            they are filtered: one region, and one lookup per lobe. If the scene does not hide light, all give the same
+            image.
         mip_filter: the 5 taps: none, box, gauss (1 4 6 4 1), cosine or sqrt_cosine of -60, -30, 0, 30, 60 degrees.
-        volume: by which levels are found, of a lobe rho: the integral of rho, or that of rho^3 / 3, its radial plot's.
-        energy: A. "normal": of the view along the normal, as the paper's lobes have one from all sides; "albedo": of
-            each view, which brings back a constant light times the albedo.
-        lobes: cosine lobes at most for each glossy lobe.
-        storage: of the maps. "cube": whole. "cropped": of each face and level of a cube the rectangle that is lit; the
-            images are equal. "parabolic": each region in a paraboloid map about its own direction, with its own levels;
-            its lobes are round and keep their energy, and the images are nearer to the truth (docs/decisions/011).
-        memory_limit: of the maps [GB]; what needs more is refused.
+        volume: the volume of a lobe rho, by which levels are found: the integral of rho, or that of rho^3 / 3, the
+            volume of its radial plot.
+        energy: A. "normal": the energy of the view along the normal, because the paper's lobes have the same energy in
+            all views; "albedo": the energy of each view, so that a constant light gives the albedo times the light.
+        lobes: largest number of cosine lobes for each glossy lobe.
+        storage: of the maps. "cube": whole cubes. "cropped": for each face and level of a cube, the rectangle that is
+            lit; the images are equal. "parabolic": each region in a paraboloid map about its own direction, with its
+            own levels; its lobes are round and keep their energy, and the images are nearer to the truth
+            (docs/decisions/011).
+        memory_limit: largest size of the maps [GB]; larger maps are refused.
         shadow_resolution: texels along the edge of a shadow map.
-        blocker_distance: from what casts a shadow to what it falls on, for the width of the blur, where the mesh has a
-            half-extent of 1: the paper states none. 0 for no blur.
-        light_bleeding: share of a light below which a point of a shadow map is dark.
+        blocker_distance: distance between a blocker and its shadow, in units of the mesh's half-extent; it sets the
+            width of the blur. The paper does not state one. 0 for no blur.
+        light_bleeding: a point of a shadow map that sees less than this share of a light is dark.
 
-    Source: Knuth et al. 2014, sections 3 and 4, eq. 3 to 5; lobe sums as Kautz and McCool 2000. Differs: A for f cos_i,
-    where eq. 4 has no factor: c is a mean, its integral (s + 1) / (2 pi) times eq. 4. Cropped cubes are ours, and
-    so is what the parabolic maps of section 5 filter, see `build_parabolic_maps`. The blur goes by the angle that a
-    region's area spans, see `variance_shadow_maps`.
+    Source: Knuth et al. 2014, sections 3 and 4, eq. 3 to 5; lobe sums as Kautz and McCool 2000. Differs: the factor A,
+    for f cos_i, is not in eq. 4: c is a mean, its integral (s + 1) / (2 pi) times eq. 4. Cropped cubes are ours, and so
+    is the quantity that the parabolic maps of section 5 filter, see `build_parabolic_maps`. The blur depends on the
+    angle that a region's area spans, see `variance_shadow_maps`.
     """
 
     regions: Annotated[int, Field(ge=6, le=4096)] = 64
@@ -91,7 +94,7 @@ class PartialEnvironmentMaps(Method):
     blocker_distance: Annotated[float, Field(ge=0, le=4)] = 0.25
     light_bleeding: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
-    # Measured: furnace 7e-5. More lookups bring it no nearer to the truth: there is no budget.
+    # Measured: furnace 7e-5. It has no budget, because more lookups do not bring it nearer to the truth.
     equation = (
         'L_o approx k_d thin c(n, 1) + sum_k A thin "share"_k thin c(r, s_k), '
         'quad c(d, s) = sum_i "VIS"_i thin "PEM"_i (d, "level"(s))'
@@ -102,16 +105,16 @@ class PartialEnvironmentMaps(Method):
     shadows = shadows
 
     def supports(self, material: Material, scene: Any) -> str | None:
-        """A reason where a lobe is no sum of round lobes about the mirror direction, or a scene has no shadow maps."""
+        """The reason why a lobe is not a sum of round lobes about the mirror direction, or why shadow maps fail."""
         return no_lobe_sums(material) or no_shadows(self.visibility, scene)
 
     def n_samples(self, material: Material) -> int:
-        """Lookups: the maps, for each cosine lobe and the diffuse part."""
+        """Number of lookups: one per map for each cosine lobe, and for the diffuse part."""
         return (1 if self._one_cube else self.regions) * n_lookups(material, self.lobes)
 
     @property
     def _one_cube(self) -> bool:
-        """Whether one cube stands for the sum of all."""
+        """Whether one cube, the sum of all, is enough."""
         return self.visibility == "none" and self.storage != "parabolic"
 
     @stage
@@ -121,7 +124,7 @@ class PartialEnvironmentMaps(Method):
 
     @stage
     def calibration(self, partition: Partition) -> LobeLevels | MapLevels:
-        """Levels of exponents: of cubes, which are all alike, or one a paraboloid map."""
+        """Levels of exponents: one list for all cubes, or one for each paraboloid map."""
         if self.storage == "parabolic":
             return calibrate_maps(pitches(partition), self.mip_filter, self.volume)
         return calibrate(partition.index.shape[1], self.mip_filter, self.volume)

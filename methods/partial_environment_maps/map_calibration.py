@@ -1,4 +1,4 @@
-"""Which level of each paraboloid map stands for the lobe cos^s: maps of different pitch have different levels."""
+"""The level of each paraboloid map that shows the lobe cos^s: maps of different pitch have different levels."""
 
 from math import pi
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from .parabolic_maps import POLE, fill, level_windows, n_levels, n_texels
 
 
 class MapLevels(NamedTuple):
-    """Exponents along the levels of maps that differ, each with its own."""
+    """Exponents along the levels of each map, for maps that differ."""
 
     maps: tuple[LobeLevels, ...]
 
@@ -24,10 +24,10 @@ class MapLevels(NamedTuple):
 
 
 def calibrate_maps(pitch: Tensor, mip_filter: LobeFilter, volume: Volume = "solid_angle") -> MapLevels:
-    """Levels of paraboloid maps of these pitches for every exponent: as `calibrate`, one a map.
+    """Levels of paraboloid maps of these pitches for every exponent: as `calibrate`, but for each map.
 
-    K_l(theta) is what a map shows of one lit texel at its middle. On the plane, in texels, that is the same for all
-    maps: what differs is the angle that a texel spans.
+    K_l(theta) is the radiance of a map with one lit texel at its middle. On the plane, in units of texels, it is the
+    same for all maps; they differ only in the angle that a texel spans.
     """
     lobes = _plane_lobes(n_levels(pitch), mip_filter)
     radii = np.linspace(0, REACH, lobes.shape[1])
@@ -46,7 +46,7 @@ def calibrate_maps(pitch: Tensor, mip_filter: LobeFilter, volume: Volume = "soli
 
 
 def _plane_lobes(n: int, mip_filter: LobeFilter) -> NDArray[np.float64]:
-    """What n levels of a plane show of one lit texel at the origin, at radii of 0 to 6 of their texels, (n, 513)."""
+    """Values of n levels of a plane with one lit texel at the origin, at radii from 0 to 6 texels, (n, 513)."""
     windows = level_windows(torch.tensor([[0, 0, 1, 1]]), n, mip_filter)
     texels = torch.zeros(n_texels(windows), 3)
     fill(texels, windows[:, 0], torch.ones(1, 1, 3), mip_filter)

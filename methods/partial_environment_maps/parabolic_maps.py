@@ -1,8 +1,9 @@
 """Parabolic storage of partial environment maps: each region in a paraboloid map about its own direction.
 
-The paraboloid about a shows the direction d at p = (d.t, d.b) / (1 + d.a), a plane on which a is the origin, 90 degrees
-from it the unit circle and -a infinitely far; an area dA at radius r spans the solid angle 4 / (1 + r^2)^2 dA, which is
-(1 + d.a)^2 dA. Stored is energy a unit of area, L (1 + d.a)^2, so that filters of weight one keep each map's energy.
+The paraboloid about a shows the direction d at p = (d.t, d.b) / (1 + d.a), on a plane where a is the origin, directions
+at 90 degrees from a are the unit circle, and -a is infinitely far. An area dA at radius r spans the solid angle
+4 / (1 + r^2)^2 dA = (1 + d.a)^2 dA. A map stores energy per unit of area, L (1 + d.a)^2, so that filters whose weights
+sum to one keep its energy.
 """
 
 from dataclasses import dataclass
@@ -38,15 +39,15 @@ from glossbench.prefilter import (
 
 Frame = tuple[Vec3, Vec3, Vec3]
 
-COARSEST = 1.0  # pitch of the last level at least: wider than any filter's lobe of s = 1
-LARGEST = 2.0  # r of a region's texels, 127 degrees; a rectangle of one face ends at sqrt(2)
-POLE = 1e-3  # 1 + d.a, within 2.6 degrees of -a: all is black there
-MARGIN = 2  # texels of a map around its region's centres: one texel of the cube, which spans less than two
+COARSEST = 1.0  # least pitch of the last level: its lobe is wider than that of s = 1 for every filter
+LARGEST = 2.0  # largest r of a region's texels, 127 degrees; a rectangle of one face ends at sqrt(2)
+POLE = 1e-3  # 1 + d.a; below it, within 2.6 degrees of -a, everything is black
+MARGIN = 2  # texels of a map around the centres of its region: one texel of the cube spans less than two of them
 
 
 @dataclass(frozen=True)
 class ParabolicMaps:
-    """N paraboloid maps, each at as many levels; of each level the rectangle that its region reaches.
+    """N paraboloid maps with equal numbers of levels. Each level stores the rectangle that its region reaches.
 
     Texel (j, i) of level l lies at p = ((i + 1/2), (j + 1/2)) 2^l pitch, i and j of either sign.
 
@@ -54,7 +55,7 @@ class ParabolicMaps:
         texels: (T, 3) float32, row 0 black: L (1 + d.a)^2.
         windows: (L, N, 5) int32: row and column of the first texel, height, width, first row in `texels`.
         pitch: edge of a texel of level 0 on the plane, (N,).
-        t, b, a: frame of each map, components (1, N).
+        t, b, a: the frame of each map, components (1, N).
     """
 
     texels: Tensor
@@ -68,9 +69,9 @@ class ParabolicMaps:
         return self.windows.shape[1]
 
     def taps(self, d: Vec3, lod: Tensor | None) -> Taps:
-        """Eight rows and weights, (P, N) one column a map, for unit directions (P, 1); trilinear.
+        """Eight rows and weights, (P, N), one column per map, for unit directions (P, 1); trilinear.
 
-        lod: level, to broadcast with (P, N), clamped to the levels there are; None reads level 0 alone.
+        lod: level, which broadcasts with (P, N), clamped to the existing levels; None reads only level 0.
         """
         local = to_local(d, self.t, self.b, self.a)
         near = (1 + local.z).clamp(min=POLE)
@@ -95,33 +96,34 @@ class ParabolicMaps:
 
 
 def pitches(partition: Partition) -> Tensor:
-    """Edge of a texel of each map (N,): at the map's middle it spans what a texel of the region does on average.
+    """Edge length of a texel of each map (N,): at the middle of the map it spans a mean texel of the region.
 
-    4 pitch^2 = solid angle of the region over its number of texels
+    4 pitch^2 = solid angle of the region / its number of texels
     """
     count = torch.bincount(partition.index.flatten(), minlength=len(partition))
     return 0.5 * torch.sqrt(partition.solid_angle / count)
 
 
 def n_levels(pitch: Tensor) -> int:
-    """Levels from these pitches to one."""
+    """Number of levels from the smallest of these pitches up to `COARSEST`."""
     return 1 + max(0, ceil(log2(COARSEST / float(pitch.min()))))
 
 
 def build_parabolic_maps(light: CubeMap, partition: Partition, mip_filter: LobeFilter, limit: float) -> ParabolicMaps:
-    """The maps of a light's regions with all levels.
+    """The maps of all regions of a light, with all levels.
 
-    A texel of level 0 is the mean at its 2x2 sub-texel centres of the cube that is black but for the region, bilinear;
-    each map is then scaled, a factor a channel, so that its energy is the region's own.
+    The cube is black except in the region. A texel of level 0 is the mean of bilinear lookups of this cube at its 2x2
+    sub-texel centres. Each map is then scaled, with one factor per channel, so that its energy is that of the region.
 
     Args:
         limit: bytes that the table may take.
 
     Raises:
-        InputError: it would take more, or a region reaches over 127 degrees from its direction; raised before the table
-            is allocated.
+        InputError: the table would take more, or a region extends more than 127 degrees from its direction. This is
+            raised before the table is allocated.
 
-    Source: Knuth et al. 2014, section 5. Differs: filtered is energy, not radiance, which a coarse level would lose.
+    Source: Knuth et al. 2014, section 5. Differs: energy is filtered, not radiance, because coarse levels of radiance
+    lose energy.
     """
     pitch, n = pitches(partition), len(partition)
     frames = _frames(partition.direction)
@@ -145,10 +147,10 @@ def build_parabolic_maps(light: CubeMap, partition: Partition, mip_filter: LobeF
 
 
 def level_windows(spans: Tensor, n: int, mip_filter: LobeFilter) -> Tensor:
-    """What maps reach at each of n levels, (n, N, 5), where their level 0 has these spans (N, 4).
+    """The windows of maps at each of n levels, (n, N, 5), from the spans of their level 0, (N, 4).
 
-    A span is the first row and column of texels that are lit and the last ones + 1; texel j of a level has the taps
-    2 j - w .. 2 j + 1 + w of the one before.
+    A span is the first lit row and column of texels, and the last ones + 1. Texel j of a level has the taps
+    2 j - w .. 2 j + 1 + w of the finer level.
     """
     width = len(LOBE_FILTERS[mip_filter]) // 2 - 1
     levels = [spans.cpu()]
@@ -162,7 +164,7 @@ def level_windows(spans: Tensor, n: int, mip_filter: LobeFilter) -> Tensor:
 
 
 def n_texels(windows: Tensor) -> int:
-    """Rows of the table of these windows, the black one included."""
+    """Number of rows in the table of these windows, including the black one."""
     return 1 + int((windows[..., 2] * windows[..., 3]).sum())
 
 
@@ -173,7 +175,7 @@ def fill(texels: Tensor, windows: Tensor, image: Tensor, mip_filter: LobeFilter)
     finer = None
     for window in windows.tolist():
         if finer:
-            margins: list[int] = []  # what the taps meet around the finer level: left, right, top, bottom
+            margins: list[int] = []  # texels around the finer level that the taps read: left, right, top, bottom
             for axis in (1, 0):
                 before = finer[axis] - (2 * window[axis] - width)
                 margins += before, 2 * (window[2 + axis] + width) - finer[2 + axis] - before
@@ -184,14 +186,14 @@ def fill(texels: Tensor, windows: Tensor, image: Tensor, mip_filter: LobeFilter)
 
 
 def _frames(a: Vec3) -> Frame:
-    """t, b and a (N,): along the edges of the face that a meets, as far as they are normal to it."""
+    """t, b and a (N,): t and b follow the edges of the face that a meets, made normal to a."""
     aside = one_hot(stack(a).abs().argmin(1), 3).float()
     t = normalize(cross(vec3(aside), a))
     return t, cross(a, t), a
 
 
 def _spans(light: CubeMap, partition: Partition, frames: Frame, pitch: Tensor) -> Tensor:
-    """First and last row and column + 1 of what each region reaches in its map at level 0, (N, 4)."""
+    """First row and column, and last row and column + 1, of each region in its map at level 0, (N, 4)."""
     index = partition.index.flatten().long()
     d = Vec3(*(c.flatten().to(index.device) for c in texel_directions(light.resolution)))
     local = to_local(d, *(Vec3(*(c[index] for c in v)) for v in frames))
@@ -209,21 +211,21 @@ def _spans(light: CubeMap, partition: Partition, frames: Frame, pitch: Tensor) -
 
 
 def _owners(partition: Partition) -> Tensor:
-    """The region of each row of a cube's table; none of what stands for a texel beyond a corner of the cube."""
+    """The region of each row of a cube's table; -1 for the rows outside a corner of the cube."""
     owner = bordered(partition.index[..., None].float())[..., 0]
     owner[:, [0, 0, -1, -1], [0, -1, 0, -1]] = -1
     return owner.flatten()
 
 
 def _level_0(cube: Pyramid, member: Tensor, frame: Frame, pitch: Tensor, window: Tensor) -> Tensor:
-    """L (1 + d.a)^2 of a cube of which some rows are not black, means of 2x2: (height, width, 3)."""
+    """Means over 2x2 of L (1 + d.a)^2, for a cube whose rows are black except the members: (height, width, 3)."""
     top, left, height, width, _ = window.tolist()
     y, x = (
         (torch.arange(2 * first, 2 * (first + n), device=pitch.device) + 0.5) * (pitch / 2)
         for first, n in ((top, height), (left, width))
     )
     y, x = torch.meshgrid(y, x, indexing="ij")
-    # 1 + d.a = 2 / (1 + r^2), and across a the direction is p (1 + d.a).
+    # 1 + d.a = 2 / (1 + r^2), and the part of d normal to a is p (1 + d.a).
     near = 2 / (1 + x * x + y * y)
     rows, weights = cube.taps(to_world(Vec3(x * near, y * near, near - 1), *frame), None)
     weights = tuple(weight * member[row] * near * near for row, weight in zip(rows, weights, strict=True))

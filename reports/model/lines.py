@@ -166,14 +166,17 @@ def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floa
 
 
 def _interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] | None:
-    """The ends of each; of the size of the number, where the axis is logarithmic."""
+    """The ends of each; where the axis is logarithmic, of the logarithm of its size."""
     half = np.array([each.half_width for each in found])
     if not (np.isfinite(half) & (half > 0)).any():
         return None
     value = np.array([each.value for each in found])
-    value = np.abs(value) if is_log else value
-    low, high = value - half, value + half
-    return np.maximum(low, 0.0) if is_log else low, high
+    if not is_log:
+        return value - half, value + half
+    size = np.abs(value)
+    ratio = np.divide(half, size, out=np.zeros_like(half), where=size > 0)
+    factor = np.exp(np.minimum(ratio, 30.0))  # which is beyond every axis
+    return size / factor, size * factor
 
 
 def _cost(row: Mapping[str, Any], cost: str) -> float:

@@ -28,9 +28,7 @@ from glossbench.strict_json import dumps
 
 from .. import raster, style
 from ..model.conditions import Cell, Group, methods_of
-from ..model.errors import EPSILON, ERRORS, error
-
-Floats = NDArray[np.float64]
+from ..model.errors import EPSILON, ERRORS, Floats, error
 
 INLINE = 32_000_000  # bytes of half floats, before deflation, up to which the page holds its images itself
 FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # of a map's longer side, and of the maps of all cells together, at most

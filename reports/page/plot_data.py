@@ -51,7 +51,8 @@ class Pool:
 def plot_data(report: Report) -> dict[str, Any]:
     """What the script of the plots reads."""
     pool, found, titles = Pool(), [], dict[str, str]()
-    for name in FIGURES.names():
+    # An option depends on those before it: the figures that ask for the most say in which order all stand.
+    for name in sorted(FIGURES.names(), key=lambda name: -len(FIGURES.get(name).options)):
         figure = FIGURES.get(name)()
         if figure.in_reports:
             titles |= {option: each.title for option, each in figure.options.items() if option not in titles}

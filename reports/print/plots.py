@@ -125,8 +125,7 @@ def _draw(ax: Axes, panel: Panel) -> None:
             low, high = line.spread
             ax.hlines(y[seen], low[seen], high[seen], colors=look["color"], lw=2.5, alpha=0.35)
         if line.interval is not None:
-            low, high = (np.where(panel.y.shows(end), end, y) for end in line.interval)
-            low = np.where(panel.y.shows(line.interval[0]), low, y / 1000)  # to zero, far below the axis
+            low, high = line.interval
             ax.vlines(x[seen], low[seen], high[seen], colors=look["color"], lw=0.8)
         ax.plot(x[seen], y[seen], **look | ({} if seen.sum() > 1 else {"ls": ""}))
         floored = seen & line.is_hollow

@@ -7,7 +7,6 @@ import torch
 import glossbench as gb
 from glossbench.contract.method_check import check_contract
 from glossbench.envmap.formats.files import write_exr
-from glossbench.study.installed import study_files
 from glossbench.study.study import load_study
 
 ROOT = Path(__file__).parents[2]
@@ -57,19 +56,3 @@ def test_study_of_the_readme_makes_the_cells_that_it_says(tmp_path):
     cells = load_study(tmp_path / "my_study.yaml").cells()
 
     assert len(cells) == 2 * 3 * 2 * 3
-
-
-def unnamed(names, text):
-    """Those of these names that no `word` of a text is, whole."""
-    return sorted(set(names) - set(re.findall(r"`(\w+)`", text)))
-
-
-def test_every_installed_study_is_named_in_the_readme_or_in_a_page_of_docs():
-    pages = [README, *(page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md"))]
-
-    assert "quickstart" in study_files()
-    assert unnamed(study_files(), "".join(pages)) == []
-
-
-def test_a_study_is_not_named_by_a_longer_name_or_by_a_path():
-    assert unnamed(["quickstart", "k"], "`occlusion_quickstart`, results/quickstart and `k`") == ["quickstart"]

@@ -29,7 +29,6 @@ def claim(text="A is better", verdict="holds", numbers=(), quantity="rms of a ov
 
 def summary(name="one", claims=(), file="/home/someone/probe.hdr"):
     study = {
-        "name": name,
         "title": "Title",
         "question": "Why?",
         "source": "Someone 2001",
@@ -45,7 +44,9 @@ def summary(name="one", claims=(), file="/home/someone/probe.hdr"):
     traceback = 'Traceback (most recent call last):\n  File "/home/someone/m.py"\nValueError: no'
     cells = {"status": ["done", "failed"], "rms": [0.1, float("nan")], "reason": ["", traceback]}
     cells["light_options"] = [f'{{"file": "{file}"}}'] * 2
-    return Summary(study, list(claims), {**made, "command": "glossbench run /home/someone"}, pandas.DataFrame(cells))
+    return Summary(
+        name, study, list(claims), {**made, "command": "glossbench run /home/someone"}, pandas.DataFrame(cells)
+    )
 
 
 def test_a_claim_shows_its_verdict_its_cases_and_its_extreme_numbers_with_their_intervals():
@@ -54,7 +55,7 @@ def test_a_claim_shows_its_verdict_its_cases_and_its_extreme_numbers_with_their_
     page = findings_page([summary(claims=[claim(numbers=cases)])])
 
     assert (
-        "| A is better | holds | 2 holds, 1 within noise | rms of a over b: 0.25 [0.2, 0.3] to 0.75 [0.7, 0.8] |"
+        "| A is better | holds | 2 of 3 hold, 1 within noise | rms of a over b: 0.25 [0.2, 0.3] to 0.75 [0.7, 0.8] |"
         in page
     )
 
@@ -88,11 +89,11 @@ def test_an_earlier_verdict_on_a_study_that_has_a_summary_is_left_out():
 
 
 def test_a_summary_is_read_as_it_was_written(tmp_path):
-    summary(claims=[claim(numbers=[case(0.5, 0.4, 0.6)])]).write(tmp_path)
+    made = summary(claims=[claim(numbers=[case(0.5, 0.4, 0.6)])])
 
-    assert findings_page([Summary.read(tmp_path)]) == findings_page(
-        [summary(claims=[claim(numbers=[case(0.5, 0.4, 0.6)])])]
-    )
+    made.write(tmp_path / "one")
+
+    assert findings_page([Summary.read(tmp_path / "one")]) == findings_page([made])
 
 
 def test_a_summary_names_no_folder_of_this_machine(tmp_path):

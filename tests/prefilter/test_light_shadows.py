@@ -45,7 +45,7 @@ def on_plane(n=4000, height=-0.5, seed=0):
 
 def points_at(position, n=(0.0, 1.0, 0.0)):
     """Points (P, 1) with one normal."""
-    frame = [Vec3(*(torch.full((len(position), 1), v) for v in c)) for c in ((1.0, 0, 0), (0, 0, -1.0), n, n)]
+    frame = [Vec3(*(torch.full((len(position), 1), float(v)) for v in c)) for c in ((1, 0, 0), (0, 0, -1), n, n)]
     place = vec3(torch.tensor(position).float()[:, None])
     return ShadingPoints(*frame, place, frame[2])
 

@@ -59,16 +59,27 @@ def test_a_line_knows_its_cells_and_all_its_costs():
     assert first.band is None
 
 
-def test_the_band_of_one_light_is_the_interval_of_its_cells_by_the_logarithm():
+def test_under_one_light_the_interval_of_a_line_is_the_interval_of_its_cells_by_the_logarithm():
     given = rows([1])
     for row in given:
         row["left_out"] = {"rms": [row["rms"], *[0.99 * row["rms"], 1.01 * row["rms"]] * 4]}
 
-    [first, *_] = lines_at(places(given)[0], "rms")
+    [first, *_] = measured_at(places(given)[0], "rms")
 
     half = 2.364624 * 0.01 * 7**0.5  # Student's t of 7 degrees
-    assert np.log(first.band[0] / first.errors) == pytest.approx([-half] * 3, rel=1e-5)
-    assert np.log(first.band[1] / first.errors) == pytest.approx([half] * 3, rel=1e-5)
+    assert np.log(first.interval[0] / first.errors) == pytest.approx([-half] * 3, rel=1e-5)
+    assert np.log(first.interval[1] / first.errors) == pytest.approx([half] * 3, rel=1e-5)
+
+
+def test_an_interval_far_wider_than_its_number_is_finite():
+    given = rows([1])
+    for row in given:
+        row["left_out"] = {"rms": [row["rms"], *[-999 * row["rms"], 1001 * row["rms"]] * 4]}
+
+    [first, *_] = measured_at(places(given)[0], "rms")
+
+    assert np.isfinite(first.interval).all()
+    assert (first.interval[0] > 0).all()
 
 
 def test_the_band_over_lights_is_the_t_interval_of_the_mean_of_log_error():

@@ -175,7 +175,7 @@ def check_interval(report):
     (line, *_) = over_axis(place, "rms", report.lines(place, "rms")).lines
     assert table.parts[0].rows[0].entries[0].note == f"± {half:.2f}"
     low, high = line.interval
-    assert (low[0], high[0]) == pytest.approx((2 - half, 2 + half), rel=1e-6)
+    assert (low[0], high[0]) == pytest.approx((2 * np.exp(-half / 2), 2 * np.exp(half / 2)), rel=1e-6)
 
 
 def test_without_groups_there_is_no_interval(report):

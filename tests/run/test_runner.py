@@ -198,6 +198,7 @@ RUN = """
 import sys
 from pathlib import Path
 from typing import Any
+from typing import Any
 from glossbench.run.runner import run_study
 from glossbench.study.study import load_study
 run_study(load_study(sys.argv[1]), Path(sys.argv[2]))

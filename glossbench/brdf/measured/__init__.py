@@ -1,4 +1,4 @@
-"""Measured BRDFs: a reader for each file format, the table that it fills, and the density by which tables are sampled.
+"""Measured BRDFs: one reader per file format, the table that it fills, and the density that samples tables.
 
-It imports lobe.py, material.py and models of brdf that are fitted to tables.
+It imports lobe.py, material.py and the models of brdf that are fitted to tables.
 """

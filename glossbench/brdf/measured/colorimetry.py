@@ -1,4 +1,4 @@
-"""Colour of a spectral reflectance: CIE 1931 and D65 at 400, 410 ... 700 nm, to linear Rec. 709."""
+"""Converts spectral reflectance at 400, 410 ... 700 nm to linear Rec. 709, by CIE 1931 and D65."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,9 +38,9 @@ XYZ_TO_REC709 = (
 def rec709(reflectance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Linear Rec. 709 (..., 3) of spectral reflectances (..., 31) seen under D65.
 
-    Under D65, the white of Rec. 709, a grey surface stays grey: a reflectance of 1 is (1, 1, 1). Each channel is
-    divided by its sum for that white, which takes what lies outside 400 to 700 nm back in: less than 1 %. Saturated
-    colours lie outside the gamut and have negative channels.
+    D65 is the white of Rec. 709, so a grey surface stays grey: a reflectance of 1 gives (1, 1, 1). Each channel is
+    divided by its sum for a reflectance of 1. This compensates for light outside 400 to 700 nm, less than 1 %.
+    Saturated colours lie outside the gamut and have negative channels.
     """
     weights = np.array([X_BAR, Y_BAR, Z_BAR]) * np.array(D65)
     weights = np.array(XYZ_TO_REC709) @ weights

@@ -1,4 +1,4 @@
-"""Files of Cornell's goniometer: scattered spectral samples, made dense by homomorphic factorization."""
+"""Files of Cornell's goniometer: scattered spectral samples, interpolated by homomorphic factorization."""
 
 from dataclasses import dataclass
 from math import pi, radians, sin
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 import torch
+from jaxtyping import Float
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from torch import Tensor
@@ -18,39 +19,40 @@ from glossbench.directions import Vec3, spherical
 from glossbench.errors import InputError
 from glossbench.factorization import FactorMap, factorize, grid_laplacian, grid_rows
 from glossbench.file_bytes import require_size
+from glossbench.shapes import Directions
 
 Floats = NDArray[np.float64]
-# Nodes of p lie at the tens of degrees, where the goniometer stood: between them maps of nothing but samples at tens
-# swing freely. Of 12 to 90 rings 20 predict held-out samples best, within noise, and read the samples best.
+# Nodes of p lie at multiples of 10 degrees, where the goniometer measured: no sample would determine a node between
+# them. Of 12 to 90 rings, 20 predict held-out samples best (within noise) and reproduce the samples best.
 ENDS, DIFFERENCES, RINGS = 10, 19, 20  # nodes of p and of theta_d from 0 to 90 degrees; texels along theta_h
 SMOOTHNESS = 0.1
-FLOOR = 1e-4  # [1/sr] below which there is no logarithm: a diffuse albedo of 0.0003
-REACH = radians(7)  # from the middle of a cell of 10 by 10 degrees, as samples are spaced, to its corners
-MAX_BYTES = 1 << 26  # of text, 40 times those of the largest published
-CELLS = 45  # of two degrees, of theta_i, theta_o, and of four, of the azimuth between them
+FLOOR = 1e-4  # [1/sr] smallest value whose logarithm is taken: a diffuse albedo of 0.0003
+REACH = radians(7)  # from the centre to a corner of a cell of 10 x 10 degrees, which is the spacing of samples
+MAX_BYTES = 1 << 26  # of text: 40 times the largest published file
+CELLS = 45  # per axis: of 2 degrees for theta_i and theta_o, of 4 degrees for the azimuth between them
 
 
 @dataclass(frozen=True)
 class FactoredTable:
-    """f = p(theta_o) q(theta_h, theta_d) p(theta_i), logarithms linear between texels.
+    """f = p(theta_o) q(theta_h, theta_d) p(theta_i); the logarithms are linear between texels.
 
     Attributes:
-        p: log p at 0, 10 ... 90 degrees, a channel (10,).
-        q: log q, a channel, flat over (theta_d, theta_h), (19 * 20,): at 0, 5 ... 90 degrees of theta_d and at
-            ((i + 1/2) / 20)^2 pi/2 of theta_h.
-        near: flat over (theta_i, theta_o, azimuth between them): a sample lies within 7 degrees.
+        p: log p per channel (10,), at 0, 10 ... 90 degrees.
+        q: log q per channel (19 * 20,), flat over (theta_d, theta_h): theta_d at 0, 5 ... 90 degrees, theta_h at
+            ((i + 1/2) / 20)^2 pi/2.
+        near: whether a sample lies within 7 degrees, flat over (theta_i, theta_o, azimuth between them).
 
-    Source: McCool et al. 2001, p(wo) q(h) p(wi); Latta and Kolb 2002 section 3.3. Differs: of an isotropic BRDF p and q
-    depend on angles to the normal alone, and q on theta_d, too: q(theta_h) by itself misses the highlights of car
-    paints, which Fresnel's equations make 70 times as strong towards grazing angles.
+    Source: McCool et al. 2001, p(wo) q(h) p(wi); Latta and Kolb 2002 section 3.3. Differs: the BRDF is isotropic, so p
+    and q depend only on angles to the normal; q depends on theta_d too, because q(theta_h) misses the highlights of
+    car paints, which Fresnel's equations make 70 times as strong towards grazing angles.
     """
 
-    p: Channels
-    q: Channels
+    p: tuple[Float[Tensor, "10"], ...]
+    q: tuple[Float[Tensor, "19*20"], ...]
     near: Tensor
 
-    def value(self, wo: Vec3, wi: Vec3) -> Channels:
-        """The product; where nothing was measured what the factors make of it."""
+    def value(self, wo: Directions, wi: Directions) -> Channels:
+        """The product of the factors, also where nothing was measured."""
         theta_h, theta_d, _ = half_difference(wo, wi)
         ends = [_between(_place(torch.acos(v.z.clamp(0, 1)), ENDS), ENDS) for v in (wo, wi)]
         d, ring = _between(_place(theta_d, DIFFERENCES), DIFFERENCES), _between(_ring(theta_h), RINGS)
@@ -74,7 +76,7 @@ class FactoredTable:
 
 
 def _place(angle: Tensor, n: int) -> Tensor:
-    """An angle as a place among n nodes from 0 to 90 degrees; node i is at i + 1/2, as the centre of a texel."""
+    """Position of an angle among n nodes from 0 to 90 degrees; node i is at i + 1/2, like the centre of a texel."""
     return angle * (2 * (n - 1) / pi) + 0.5
 
 
@@ -83,7 +85,7 @@ def _ring(theta_h: Tensor) -> Tensor:
 
 
 def _between(place: Tensor, size: int) -> tuple[Tensor, Tensor]:
-    """The texel below a place, centres at half-integers, and the share of the next; clamped at the rim."""
+    """The texel below a position (centres at half-integers) and the weight of the next one; clamped at both ends."""
     x = (place - 0.5).clamp(0, size - 1)
     lower = x.int().clamp(max=size - 2)
     return lower, x - lower
@@ -101,12 +103,12 @@ class Samples:
 def read_samples(path: Path) -> Samples:
     """The samples of a `.brdf` file; their colours may be negative.
 
-    Text: comments begin with #; the number of wavelengths, the wavelengths [nm], then a sample after the other,
-    theta_i, phi_i, theta_s, phi_s [radians] and f [1/sr] at each wavelength. i is the light, s the viewer.
+    The file is text; comments begin with #. It holds the number of wavelengths, the wavelengths [nm], then the samples,
+    each theta_i, phi_i, theta_s, phi_s [radians] and f [1/sr] at each wavelength; i is the light, s the viewer.
 
     Raises:
-        InputError: no such text, more than 64 MiB, wavelengths other than 400, 410 ... 700, a sample that is cut off,
-            or numbers that are not finite or no directions above a surface.
+        InputError: the file is not such text or has more than 64 MiB, wavelengths are not 400, 410 ... 700, the last
+            sample is cut off, a number is not finite, or a direction is not above the surface.
     """
     require_size(path, "goniometer file", MAX_BYTES)
     try:
@@ -137,7 +139,7 @@ def _outside(theta: Floats) -> float:
 
 
 def read_cornell(path: Path, device: str) -> tuple[FactoredTable, int]:
-    """The table of a `.brdf` file, and how many of its values are negative: colours outside the gamut, taken as 0.
+    """The table of a `.brdf` file, and the number of negative values: colours outside the gamut, which count as 0.
 
     Raises:
         InputError: see `read_samples`.
@@ -147,7 +149,7 @@ def read_cornell(path: Path, device: str) -> tuple[FactoredTable, int]:
 
 
 def factored(samples: Samples, device: str) -> FactoredTable:
-    """The factors of the samples, values below 1e-4 taken as that."""
+    """The factors of the samples; values below 1e-4 count as 1e-4."""
     theta_h, theta_d, _ = half_difference(samples.wo, samples.wi)
     ends = [_place(torch.acos(v.z), ENDS).numpy() for v in (samples.wi, samples.wo)]
     line = np.full(len(theta_h), 0.5)
@@ -160,7 +162,7 @@ def factored(samples: Samples, device: str) -> FactoredTable:
 
 
 def _near(samples: Samples) -> Tensor:
-    """Which cells lie within 7 degrees of a sample, or of the sample seen the other way round."""
+    """Which cells lie within 7 degrees of a sample, or of a sample with light and viewer swapped."""
     tree = scipy.spatial.cKDTree(
         np.concatenate([_canonical(samples.wi, samples.wo), _canonical(samples.wo, samples.wi)])
     )
@@ -171,7 +173,7 @@ def _near(samples: Samples) -> Tensor:
 
 
 def _canonical(a: Vec3, b: Vec3) -> Floats:
-    """A pair of directions up to turns about the normal and mirrors, (S, 5): a at azimuth 0, b at a positive one."""
+    """Pairs of directions, turned and mirrored so that a has azimuth 0 and b a positive azimuth: (S, 5)."""
     length = torch.sqrt(a.x**2 + a.y**2)
     e_x = torch.where(length > 1e-9, a.x / length.clamp(min=1e-9), 1.0)
     e_y = torch.where(length > 1e-9, a.y / length.clamp(min=1e-9), 0.0)

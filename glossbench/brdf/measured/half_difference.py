@@ -11,14 +11,14 @@ from glossbench.shapes import Directions, Values
 def half_difference(wo: Directions, wi: Directions) -> tuple[Values, Values, Values]:
     """theta_h, theta_d in [0, pi/2] and phi_d in [0, pi) of two directions above the surface.
 
-    h in the frame of the normal, wi in that of h: x towards larger theta_h, y towards larger phi_h. phi_d is taken
-    modulo pi: to swap wo and wi is to turn the difference by pi.
+    h is in the frame of the normal, wi in the frame of h: x towards larger theta_h, y towards larger phi_h. phi_d is
+    modulo pi, because swapping wo and wi turns the difference by pi.
 
     Source: Rusinkiewicz 1998.
     """
     h = half_vector(wo, wi)
     theta_h = torch.atan2(torch.sqrt(h.x * h.x + h.y * h.y), h.z)
-    # Half the difference and half the sum of unit vectors are sine and cosine of theta_d, with all their digits.
+    # The lengths of half the difference and half the sum are sine and cosine of theta_d, without loss of digits.
     parts = [Vec3(wi.x + s * wo.x, wi.y + s * wo.y, wi.z + s * wo.z) for s in (-1, 1)]
     theta_d = torch.atan2(*(torch.sqrt(dot(p, p)) for p in parts))
     e_x, e_y = azimuth(h)
@@ -28,7 +28,7 @@ def half_difference(wo: Directions, wi: Directions) -> tuple[Values, Values, Val
 
 
 def azimuth(v: Directions) -> tuple[Values, Values]:
-    """Cosine and sine of the azimuth of a direction; 1 and 0 of the normal."""
+    """Cosine and sine of the azimuth of a direction; 1 and 0 for the normal."""
     length2 = v.x * v.x + v.y * v.y
     inverse, at_pole = torch.rsqrt(length2.clamp(min=1e-20)), length2 < 1e-14
     return torch.where(at_pole, 1.0, v.x * inverse), torch.where(at_pole, 0.0, v.y * inverse)

@@ -1,4 +1,4 @@
-"""A tabulated density of half vectors, by which any isotropic BRDF is sampled: marginal and conditional tables."""
+"""A tabulated density of half vectors that samples any isotropic BRDF: marginal and conditional tables."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from glossbench.channels import Channels, scalar
 from glossbench.directions import Vec3, dot, reflect
 from glossbench.shapes import Directions, UnitSquare, Values
 
-VIEWS, RINGS, SECTORS = 45, 90, 36  # of the angle of the view, of the half vector's angle and azimuth
-INSIDE = 2  # points across a cell in each direction at which f is taken
-EVEN = 0.05  # share of the density that is spread evenly, where f may be positive between those points
+VIEWS, RINGS, SECTORS = 45, 90, 36  # cells of the view's angle, of the half vector's angle, of its azimuth
+INSIDE = 2  # points per axis and cell at which f is evaluated
+EVEN = 0.05  # share of the density that is spread evenly, because f may be positive between those points only
 
 
 class TabulatedPoints(NamedTuple):
-    """Half vectors about the azimuth of the view (VIEWS, N), and their density over 4 (VIEWS, N)."""
+    """Half vectors in the frame turned to the azimuth of the view (VIEWS, N), and a quarter of their density."""
 
     x: Tensor
     y: Tensor
@@ -33,14 +33,14 @@ class HalfVectorDensity:
     """Density of half vectors, constant over cells of the hemisphere, for each of 45 angles of the view.
 
     p(h) = mass / solid angle of the cell of h, in the frame turned to the azimuth of the view. Ring i lies between
-    1 - cos_h = (i / 90)^4 and ((i + 1) / 90)^4, so that rings are 0.01 degrees wide at the normal and 2 at the horizon.
-    A view takes the table of the angle nearest to its own: f is weighed by the density that its sample had, so that
-    the table's coarseness costs variance and nothing else.
+    1 - cos_h = (i / 90)^4 and ((i + 1) / 90)^4: rings are 0.01 degrees wide at the normal and 2 degrees at the horizon.
+    A view uses the table of the nearest angle. f is divided by the density that its sample really had, so a coarse
+    table adds variance but no bias.
 
     Attributes:
         density: [1/sr], flat over (view, ring, sector).
         marginal: cumulated mass of the rings, from 0 to 1, float64, (45, 91).
-        conditional: cumulated mass of a ring's sectors, float64, flat, ring k of all from k to k + 1.
+        conditional: cumulated mass of the sectors of each ring, float64, flat; k to k + 1 for ring k of all.
     """
 
     density: Tensor
@@ -48,9 +48,9 @@ class HalfVectorDensity:
     conditional: Tensor
 
     def sample_points(self, u: UnitSquare) -> TabulatedPoints:
-        """The half vectors of points (N, 2) for every angle of the view: u1 chooses the ring, u2 the sector.
+        """Half vectors from points (N, 2), for every angle of the view: u1 chooses the ring, u2 the sector.
 
-        What is left of each places the half vector in its cell, so a stratified point set stays stratified.
+        The remainders of u1 and u2 place the half vector in its cell, so a stratified point set stays stratified.
         """
         u1, u2 = u[:, 0].double().expand(VIEWS, -1).contiguous(), u[:, 1].double()
         view = torch.arange(VIEWS, device=u.device)[:, None]
@@ -64,13 +64,13 @@ class HalfVectorDensity:
         lower = torch.where(sector == 0, 0.0, self.conditional[(index - 1).clamp(min=0)] - of_all)
         b = ((u2 - lower) / (self.conditional[index] - of_all - lower).clamp(min=1e-300)).clamp(0, 1)
         low, high = (ring / RINGS) ** 4, ((ring + 1) / RINGS) ** 4
-        away = low + a * (high - low)  # 1 - cos_h, with all its digits
+        away = low + a * (high - low)  # 1 - cos_h, without loss of digits
         r, phi = torch.sqrt(away * (2 - away)), (sector + b) * (2 * pi / SECTORS)
         x, y, z = (c.float() for c in (r * torch.cos(phi), r * torch.sin(phi), 1 - away))
         return TabulatedPoints(x, y, z, self.density[index] / 4)
 
     def half_vectors(self, wo: Directions, points: TabulatedPoints) -> tuple[Directions, Values]:
-        """The points of each view (P, N), turned to its azimuth, and their density over 4."""
+        """The points of each view (P, N), turned to its azimuth, and a quarter of their density."""
         n = points.x.shape[1]
         at = _view(wo) * n + torch.arange(n, device=wo.z.device, dtype=torch.int32)
         x, y = points.x.view(-1)[at], points.y.view(-1)[at]
@@ -88,7 +88,9 @@ class HalfVectorDensity:
         return self.density[(_view(wo) * RINGS + ring) * SECTORS + sector]
 
     def width(self) -> float:
-        """The Beckmann slope of as wide a lobe seen along the normal, [0.001, 1]: half of it has tan^2 < m^2 log 2."""
+        """Beckmann slope m in [0.001, 1] of the same width for a view along the normal: half of the mass has
+        tan^2(theta_h) < m^2 log 2.
+        """
         ring = int(torch.searchsorted(self.marginal[0], torch.tensor(0.5, dtype=torch.float64)))
         theta = 2 * asin(sqrt(0.5) * (ring / RINGS) ** 2)
         return min(max(tan(min(theta, 1.5)) / sqrt(log(2)), 1e-3), 1.0)
@@ -97,9 +99,9 @@ class HalfVectorDensity:
 def half_vector_density(f: Callable[[Vec3, Vec3], Channels], device: str) -> HalfVectorDensity:
     """The density that follows f cos_i for an isotropic f(wo, wi), the mean of its channels.
 
-    The mass of a cell is f cos_i 4 c times its solid angle, 4 c being the solid angle of wi over that of h, as the mean
-    of four points inside. 5 % of all is spread as cos_h / pi: where f is positive only between those points, or a view
-    has no light at all.
+    The mass of a cell is the mean of f cos_i 4 c at four points inside, times its solid angle; 4 c is the solid angle
+    of wi divided by that of h. 5 % of the mass is spread as cos_h / pi, because f may be positive between those points
+    only, or 0 for a whole view.
     """
     inside = (torch.arange(INSIDE, dtype=torch.float64) + 0.5) / INSIDE
     cells = torch.arange(RINGS + 1, dtype=torch.float64)
@@ -132,5 +134,5 @@ def half_vector_density(f: Callable[[Vec3, Vec3], Channels], device: str) -> Hal
 
 
 def _view(wo: Directions) -> Int[Tensor, "*#pairs"]:
-    """The number of the angle of a view."""
+    """The index of the tabulated angle that is nearest to a view."""
     return (torch.acos(wo.z.clamp(0, 1)) * (2 * VIEWS / pi)).int().clamp(0, VIEWS - 1)

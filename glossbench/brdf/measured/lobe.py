@@ -1,4 +1,4 @@
-"""The lobe of a measured BRDF: values of a table, sampled by the table's own density."""
+"""The lobe of a measured BRDF: values of a table, sampled by a density computed from the table."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -14,13 +14,13 @@ from glossbench.shapes import Choices, Directions, PairValues, UnitSquare
 
 
 class Table(Protocol):
-    """An isotropic BRDF as a file states it; directions above the surface."""
+    """An isotropic BRDF as tabulated in a file; directions are above the surface."""
 
     def value(self, wo: Directions, wi: Directions) -> Channels:
-        """f [1/sr], red, green and blue, not negative; where nothing was measured, a filling or 0."""
+        """f [1/sr] of red, green and blue, not negative; where nothing was measured, an extrapolated value or 0."""
 
     def known(self, wo: Directions, wi: Directions) -> Choices:
-        """Whether f was measured there, and is no filling of the table."""
+        """Whether f was measured there and is not extrapolated."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class MeasuredLobe(Lobe):
     Its half vectors are drawn by `HalfVectorDensity`, so that the density of wi is p(h) / (4 c).
 
     Attributes:
-        known_only: black where nothing was measured; else what fills the table there.
+        known_only: whether f is 0 where nothing was measured; otherwise it is the extrapolated value of the table.
     """
 
     table: Table
@@ -61,14 +61,14 @@ class MeasuredLobe(Lobe):
 
 
 def measured_lobe(table: Table, known_only: bool, device: str) -> MeasuredLobe:
-    """The lobe of a table on a device; its widths are those of the density seen along the normal."""
+    """The lobe of a table on a device; its widths are those of the density for a view along the normal."""
     density = half_vector_density(partial(table_values, table, known_only), device)
     m = scalar(density.width(), device)
     return MeasuredLobe((m, m), (torch.ones((), device=device),), table, known_only, density)
 
 
 def table_values(table: Table, known_only: bool, wo: Directions, wi: Directions) -> Channels:
-    """f of a table, black where it is filled and only what is known counts."""
+    """f of a table; with known_only it is 0 where nothing was measured."""
     values = table.value(wo, wi)
     if not known_only:
         return values

@@ -1,4 +1,4 @@
-"""Files of the MERL database: 90 x 90 x 180 values a channel over half vector and difference."""
+"""Files of the MERL database: 90 x 90 x 180 values per channel over half vector and difference."""
 
 from dataclasses import dataclass
 from math import pi
@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from glossbench.brdf.measured.half_difference import half_difference
 from glossbench.channels import LARGEST, Channels
 from glossbench.directions import Vec3
 from glossbench.errors import InputError
+from glossbench.shapes import Directions
 
 SHAPE = (90, 90, 180)  # theta_h, theta_d, phi_d
 SCALES = (1 / 1500, 1.15 / 1500, 1.66 / 1500)  # of red, green, blue: stored value -> 1/sr
@@ -22,21 +24,21 @@ SIZE = 12 + 3 * 8 * 90 * 90 * 180
 class HalfDifferenceTable:
     """f over the angle theta_h of the half vector and the direction (theta_d, phi_d) of wi about it.
 
-    Cells are as wide as their axes say, values constant over a cell, as the authors' reader has them: theta_h in cells
-    of (i / 90)^2 pi/2, theta_d in 90 of one degree, phi_d in 180 of one degree. phi_d and phi_d + pi are one cell: to
-    swap wo and wi is to turn the difference by pi.
+    Values are constant over a cell, as in the authors' reader. Cell i of theta_h begins at (i / 90)^2 pi/2; theta_d has
+    90 cells of one degree, phi_d 180 cells of one degree. phi_d and phi_d + pi are the same cell, because swapping wo
+    and wi turns the difference by pi.
 
     Attributes:
-        values: red, green and blue [1/sr], each flat over (theta_h, theta_d, phi_d); 0 in cells that are not known.
-        measured: true in cells that are known, flat.
+        values: red, green and blue [1/sr], each flat over (theta_h, theta_d, phi_d); 0 in cells without measurement.
+        measured: whether a cell has a measurement, flat.
 
     Source: Matusik et al. 2003; coordinates, Rusinkiewicz 1998.
     """
 
-    values: Channels
+    values: tuple[Float[Tensor, "cells"], ...]
     measured: Tensor
 
-    def value(self, wo: Vec3, wi: Vec3) -> Channels:
+    def value(self, wo: Directions, wi: Directions) -> Channels:
         """The value of the cell."""
         at = _cell(wo, wi)
         return tuple(channel[at] for channel in self.values)
@@ -55,13 +57,13 @@ def _cell(wo: Vec3, wi: Vec3) -> Tensor:
 
 
 def read_merl(path: Path, device: str) -> tuple[HalfDifferenceTable, int]:
-    """The table of a `.binary` file, and how many of its values are negative.
+    """The table of a `.binary` file, and the number of its negative values.
 
-    Three int32 dimensions, then doubles, red, green and blue after each other. A cell with a negative channel has no
-    measurement: it is black and not known.
+    The file holds three int32 dimensions, then the doubles of red, of green and of blue. A cell with a negative channel
+    has no measurement: it is black and not known.
 
     Raises:
-        InputError: another size, other dimensions, or a value that is not finite or above 1e30.
+        InputError: size or dimensions are wrong, or a value is not finite or above 1e30.
     """
     size = path.stat().st_size
     if size < 12:

@@ -1,4 +1,4 @@
-"""Files of the RGL material database: values over a square that the material's own microfacets unfold."""
+"""Files of the RGL material database: values over a square to which the material's own microfacets map half vectors."""
 
 from dataclasses import dataclass
 from math import pi
@@ -15,19 +15,20 @@ from glossbench.brdf.measured.tensor_file import read_tensors
 from glossbench.channels import LARGEST, Channels, scalar
 from glossbench.directions import Vec3, half_vector
 from glossbench.errors import InputError
+from glossbench.shapes import Directions
 
 FIELDS = {"theta_i": 1, "phi_i": 1, "sigma": 2, "ndf": 2, "vndf": 4, "luminance": 4, "rgb": 5, "jacobian": 1}
 
 
 class Slices(NamedTuple):
-    """Tables (S, ny, nx) on the corners of a square's grid, flat, a view angle each; linear between and within them."""
+    """Flat tables (S, ny, nx) on the corners of a grid, one per view angle; linear within tables and between them."""
 
     values: Tensor
     nx: int
     ny: int
 
     def corners(self, view: tuple[Tensor, Tensor], x: Tensor, y: Tensor) -> tuple[Tensor, ...]:
-        """v00, v10, v01, v11 of the cell (x, y), integers: first digit along x."""
+        """v00, v10, v01, v11 of the cell (x, y); x and y are integers, the first digit is the step along x."""
         return tuple(self.node(view, x + step, y + up) for up in (0, 1) for step in (0, 1))
 
     def node(self, view: tuple[Tensor, Tensor], x: Tensor, y: Tensor) -> Tensor:
@@ -35,27 +36,27 @@ class Slices(NamedTuple):
         return self.between(view, (view[0] * self.ny + y) * self.nx + x, self.nx * self.ny)
 
     def between(self, view: tuple[Tensor, Tensor], at: Tensor, stride: int) -> Tensor:
-        """The value at an index of a slice, linear between it and the next slice."""
+        """The value at an index of a slice, interpolated between this slice and the next."""
         return self.values[at] * (1 - view[1]) + self.values[at + stride] * view[1]
 
 
 @dataclass(frozen=True)
 class AdaptiveTable:
-    """f cos_i = rgb(s; theta_o) ndf(u_h) / (4 sigma(theta_o)), s the place of u_h under the visible normals.
+    """f cos_i = rgb(s; theta_o) ndf(u_h) / (4 sigma(theta_o)); s is the point that the visible normals assign to u_h.
 
-    u_h = (sqrt(2 theta_h / pi), (phi_h - phi_o) / (2 pi) + 1/2). The square s is where the inverse of the sampling of
-    the visible normals `vndf` takes u_h: first the row, by its marginal, then the column. Tables are linear between
-    their nodes and between the measured angles; values below 0 are out of the gamut of Rec. 709 and taken as 0, all as
-    the authors' reader does. Their incident direction is the viewer here, as in their renderer: they are no more
-    reciprocal than the measurement.
+    u_h = (sqrt(2 theta_h / pi), (phi_h - phi_o) / (2 pi) + 1/2). s is in the unit square; sampling the visible normals
+    `vndf` maps s to u_h, and here the inverse maps u_h to s: first the row, by its marginal, then the column. Tables
+    are linear between their nodes and between the measured angles. Values below 0 are outside the gamut of Rec. 709 and
+    count as 0. The authors' reader does the same. Their incident direction is the viewer here, as in their renderer: f
+    is only as reciprocal as the measurement.
 
     Attributes:
         theta: measured angles of the viewer.
-        vndf: density of u_h, integral 1 a slice.
-        rows, columns: its marginal and conditional cumulated densities.
-        rgb: reflectance relative to that of the microfacets, a channel.
-        ndf, sigma: density and projected area of the microfacets; empty where the file divides by none.
-        filled: over rgb's slices: 1 where the file says that it has no measurement.
+        vndf: density of u_h; the integral over each slice is 1.
+        rows, columns: marginal and conditional cumulated densities of vndf.
+        rgb: reflectance relative to that of the microfacets, per channel.
+        ndf, sigma: density and projected area of the microfacets; empty if the file does not divide by them.
+        filled: nodes as in rgb; 1 where the file states that it has no measurement.
         widest: angle of the viewer beyond which the file repeats its last slice.
 
     Source: Dupuy and Jakob 2018.
@@ -71,8 +72,8 @@ class AdaptiveTable:
     filled: Slices
     widest: Tensor
 
-    def value(self, wo: Vec3, wi: Vec3) -> Channels:
-        """f [1/sr]; where nothing was measured the authors' filling."""
+    def value(self, wo: Directions, wi: Directions) -> Channels:
+        """f [1/sr]; where nothing was measured it is the value that the authors extrapolated."""
         view, u_x, u_y = self._unit(wo, wi)
         s_x, s_y = self._unfolded(view, u_x, u_y)
         factor = 1 / wi.z.clamp(min=1e-6)
@@ -84,13 +85,13 @@ class AdaptiveTable:
         return tuple(_bilinear(channel, view, s_x, s_y).clamp(min=0) * factor for channel in self.rgb)
 
     def known(self, wo: Vec3, wi: Vec3) -> Tensor:
-        """Whether all nodes about s were measured."""
+        """Whether all nodes around s were measured."""
         view, u_x, u_y = self._unit(wo, wi)
         s_x, s_y = self._unfolded(view, u_x, u_y)
         return (_bilinear(self.filled, view, s_x, s_y) == 0) & (torch.acos(wo.z.clamp(-1, 1)) <= self.widest)
 
     def _unit(self, wo: Vec3, wi: Vec3) -> tuple[tuple[Tensor, Tensor], Tensor, Tensor]:
-        """The slice below the view with the share of the next, and u_h."""
+        """The slice below the view, the weight of the next slice, and u_h."""
         theta_o = torch.acos(wo.z.clamp(-1, 1))
         index = (torch.searchsorted(self.theta, theta_o.contiguous(), right=True) - 1).clamp(0, len(self.theta) - 2)
         low, high = self.theta[index], self.theta[index + 1]
@@ -102,7 +103,7 @@ class AdaptiveTable:
         return (index.int(), share), u_x, torch.remainder(phi / (2 * pi) + 0.5, 1.0)
 
     def _unfolded(self, view: tuple[Tensor, Tensor], u_x: Tensor, u_y: Tensor) -> tuple[Tensor, Tensor]:
-        """s, the inverse of sampling vndf: the integrals of the bilinear density along the row and over the rows."""
+        """s, by the inverse of sampling vndf: the integrals of the bilinear density along the row and over the rows."""
         nx, ny = self.vndf.nx, self.vndf.ny
         x, y, f_x, f_y = _cell(self.vndf, u_x, u_y)
         v00, v10, v01, v11 = self.vndf.corners(view, x, y)
@@ -116,7 +117,7 @@ class AdaptiveTable:
 
 
 def _cell(table: Slices, u_x: Tensor, u_y: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The cell of a point of the unit square, and the place inside."""
+    """The cell of a point of the unit square, and the position inside."""
     at_x, at_y = u_x * (table.nx - 1), u_y * (table.ny - 1)
     x, y = at_x.int().clamp(0, table.nx - 2), at_y.int().clamp(0, table.ny - 2)
     return x, y, at_x - x, at_y - y
@@ -130,14 +131,14 @@ def _bilinear(table: Slices, view: tuple[Tensor, Tensor], u_x: Tensor, u_y: Tens
 
 
 def read_rgl(path: Path, device: str) -> tuple[AdaptiveTable, int]:
-    """The table of an isotropic RGB `.bsdf` file, and how many of its values are negative.
+    """The table of an isotropic RGB `.bsdf` file, and the number of its negative values.
 
-    `valid`, where the file has it, is a bit a node, the first the highest; it is set where there is no measurement, so
-    by what the files hold: all nodes of zero luminance are among them.
+    `valid`, if the file has it, holds one bit per node, the highest bit first. A bit is set if there is no measurement:
+    this follows from the published files, where it is set for all nodes of zero luminance.
 
     Raises:
-        InputError: no tensor file, arrays that are missing or do not fit, spectral or anisotropic data, or values that
-            are not finite.
+        InputError: the file is not a tensor file, arrays are missing or do not fit, the data are spectral or
+            anisotropic, or a value is not finite.
     """
     arrays = read_tensors(path)
     if "rgb" not in arrays and "spectra" in arrays:
@@ -195,7 +196,7 @@ def _doubled(table: NDArray[Any]) -> NDArray[Any]:
 
 
 def _cumulated(v: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Densities (S, ny, nx) with integral 1 a slice, in units of a cell, and their cumulated rows and columns."""
+    """Densities (S, ny, nx) per cell, with integral 1 over each slice, and their cumulated rows and columns."""
     steps = (v[:, :, 1:] + v[:, :, :-1]) / 2
     columns = np.concatenate([np.zeros_like(v[:, :, :1]), steps.cumsum(2)], 2)
     ends = columns[:, :, -1]

@@ -1,4 +1,4 @@
-"""Tensor files: named arrays in one file, the container of the RGL material database."""
+"""Tensor files: several named arrays in one file, the format of the RGL material database."""
 
 import struct
 from math import prod
@@ -17,11 +17,12 @@ TYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8: 
 def read_tensors(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of a tensor file of version 1.0 by name.
 
-    12 bytes "tensor_file" and zero, two of the version, uint32 number of arrays; of each: uint16 length of the name,
-    the name, uint16 number of axes, uint8 type, uint64 offset in the file, uint64 length of each axis. Little-endian.
+    The file begins with 12 bytes "tensor_file" and zero, two bytes of the version and the uint32 number of arrays. Each
+    array has: uint16 length of the name, the name, uint16 number of axes, uint8 type, uint64 offset in the file, uint64
+    length of each axis. All numbers are little-endian.
 
     Raises:
-        InputError: another file, another version, or one that ends before its arrays do.
+        InputError: the file is not a tensor file, has another version, or ends before its arrays do.
 
     Source: the loader of Dupuy and Jakob 2018, github.com/rgl-epfl/brdf-loader.
     """

@@ -1,4 +1,4 @@
-"""Chromaticities: radiance in other primaries to linear Rec. 709."""
+"""Chromaticities: converts radiance in other primaries to linear Rec. 709."""
 
 from collections.abc import Sequence
 
@@ -10,14 +10,14 @@ from glossbench.errors import InputError
 REC_709 = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), (0.3127, 0.3290))
 _XYZ = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
 _ROUNDING = 5e-4  # files state three decimals or more
-_ROWS = 256  # at a time: bounds the memory
+_ROWS = 256  # converted at a time, to bound the memory
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
 def to_rec709(pixels: np.ndarray, chromaticities: Sequence[tuple[float, float]]) -> np.ndarray:
-    """Radiance (..., 3) in linear Rec. 709; the same array where the chromaticities are those of Rec. 709.
+    """Radiance (..., 3) in linear Rec. 709; the same array if the chromaticities are those of Rec. 709.
 
-    A colour that Rec. 709 does not hold gets a negative channel.
+    A colour outside Rec. 709 gets a negative channel.
 
     Args:
         chromaticities: CIE xy of red, green, blue and white.
@@ -33,13 +33,13 @@ def to_rec709(pixels: np.ndarray, chromaticities: Sequence[tuple[float, float]])
 def in_rec709(
     image: np.ndarray, chromaticities: Sequence[tuple[float, float]], stated: str
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """An image (H, W, 3) in linear Rec. 709, and what to note of it; the image may be written to.
+    """Converts an image (H, W, 3) to linear Rec. 709, in place, and returns it with notes.
 
-    Where a colour that Rec. 709 does not hold gets a negative channel, this is set to 0. Chromaticities that say
-    nothing leave the image as it is.
+    If a colour outside Rec. 709 gets a negative channel, this channel is set to 0. Invalid chromaticities leave the
+    image unchanged.
 
     Args:
-        stated: what the note calls the chromaticities.
+        stated: the name of the chromaticities in the note.
     """
     n_outside = 0
     for row in range(0, len(image), _ROWS):
@@ -62,14 +62,16 @@ def in_rec709(
 def matrix_to_rec709(chromaticities: Sequence[tuple[float, float]]) -> np.ndarray:
     """Matrix (3, 3), float64, from radiance in these primaries to linear Rec. 709.
 
-    M = inverse(P709) A P, P the primaries' matrix to XYZ by which (1, 1, 1) is the white, A the Bradford adaptation
-    from white to white: white stays (1, 1, 1). The primaries of CIE XYZ itself need no adaptation: A = 1.
+    M = inverse(P709) A P. P is the matrix from the primaries to XYZ, scaled so that (1, 1, 1) is the white; A is the
+    Bradford adaptation from this white to that of Rec. 709, so white stays (1, 1, 1). For the primaries of CIE XYZ
+    itself A is not needed.
 
     Raises:
-        InputError: not four pairs of numbers below 10, primaries on one line, or a white outside of their triangle.
+        InputError: the chromaticities are not four pairs of numbers below 10, the primaries are on one line, or the
+            white is outside their triangle.
 
-    Source: SMPTE RP 177, normalised primary matrix; Bradford, Lam 1985 with the numbers of Lindbloom, as OpenEXR's
-    ImfAcesFile adapts.
+    Source: SMPTE RP 177, normalised primary matrix; Bradford, Lam 1985 with the numbers of Lindbloom, as in OpenEXR's
+    ImfAcesFile.
     """
     xy = np.asarray(chromaticities, np.float64)
     stated = " ".join(f"({x:g}, {y:g})" for x, y in xy.reshape(-1, 2)) if xy.size % 2 == 0 else str(xy.tolist())
@@ -85,7 +87,7 @@ def matrix_to_rec709(chromaticities: Sequence[tuple[float, float]]) -> np.ndarra
         raise InputError(f"chromaticities must be a triangle with the white in it, got {stated}")
     to_xyz = primaries[:, :3] * luminance
     if np.allclose(xy[:3], _XYZ, rtol=0, atol=_ROUNDING):
-        adapted = np.diag(1 / luminance)  # what is stored is X, Y, Z whatever the white
+        adapted = np.diag(1 / luminance)  # the stored values are X, Y, Z, whatever the white is
     else:
         adapted = _adaptation(white, _matrix_of_rec709().sum(1))
     return np.linalg.solve(_matrix_of_rec709(), adapted @ to_xyz)
@@ -98,6 +100,6 @@ def _matrix_of_rec709() -> np.ndarray:
 
 
 def _adaptation(white: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Matrix (3, 3) that takes one white (XYZ) to another, the cone responses scaled."""
+    """Matrix (3, 3) that maps one white (XYZ) to another by scaling the cone responses."""
     scale = np.diag((_BRADFORD @ wanted) / (_BRADFORD @ white))
     return np.linalg.solve(_BRADFORD, scale @ _BRADFORD)

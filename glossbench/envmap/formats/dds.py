@@ -10,7 +10,7 @@ from glossbench.envmap.formats.refusals import check_fits, check_size, damaged
 from glossbench.errors import InputError
 
 KIND = "a DDS cube map"
-_HEADER = 128  # bytes, the magic number among them
+_HEADER = 128  # bytes, including the magic number
 _HAS_LEVELS, _CUBE, _ALL_FACES = 0x20000, 0x200, 0xFC00
 # (dtype, channels) by the D3DFORMAT in the fourCC and by the DXGI format of the extended header.
 _FOURCC = {113: ("<f2", 4), 116: ("<f4", 4)}
@@ -21,12 +21,13 @@ _KNOWN = (
 
 
 def read_dds(path: Path) -> Decoded:
-    """The first MIP level as a vertical strip (6 R, R, 3), float32: the faces +X, -X, +Y, -Y, +Z, -Z from the top.
+    """The first MIP level as a vertical strip (6 R, R, 3), float32: the faces +X, -X, +Y, -Y, +Z, -Z, top to bottom.
 
-    The cube is left-handed: +X right, +Y up, +Z forward, each face as seen from within; alpha is dropped.
+    The cube is left-handed: +X right, +Y up, +Z forward, each face seen from inside; alpha is dropped.
 
     Raises:
-        InputError: not six faces of one size, another pixel format (by name), or fewer bytes than it claims.
+        InputError: the file does not hold six faces of one size, its pixel format is not known (the error names it), or
+            it has fewer bytes than its header claims.
 
     Source: Microsoft, "Programming Guide for DDS" and DDS_HEADER_DXT10.
     """

@@ -1,4 +1,4 @@
-"""What a reader makes of an image file: its pixels, and what whoever uses them must know."""
+"""The result of reading an image file: its pixels, and what their user must know."""
 
 from typing import NamedTuple
 
@@ -6,12 +6,12 @@ import numpy as np
 
 
 class Covering(NamedTuple):
-    """How an image covers the sphere, as its own file says.
+    """How an image covers the sphere, as stated in its own file.
 
     Attributes:
-        projection, axes: as in the modules of these names.
-        said_by: what in the file says so.
-        note: what whoever does not expect it must know; "" where nothing.
+        projection, axes: names as in the modules conversion and axes.
+        said_by: the part of the file that states it.
+        note: a warning for users who do not expect it; "" if there is none.
     """
 
     projection: str
@@ -25,8 +25,8 @@ class Decoded(NamedTuple):
 
     Attributes:
         image: (H, W, 3), float32, row 0 at the top; linear Rec. 709 unless a note says otherwise.
-        notes: what was changed, left out or assumed on the way, a sentence each, without the file's name.
-        covers: how it covers the sphere, where the file says that.
+        notes: what was changed, left out or assumed, one sentence each, without the file's name.
+        covers: how it covers the sphere, if the file states it.
     """
 
     image: np.ndarray

@@ -1,4 +1,4 @@
-"""OpenEXR images: scanline or tiled, single- or multi-part, with MIP levels or without, to an array, and back."""
+"""Reads and writes OpenEXR images: scanline or tiled, single- or multi-part, with MIP levels or without."""
 
 import io
 import re
@@ -18,27 +18,27 @@ from glossbench.envmap.formats.refusals import check_fits, check_size, damaged, 
 from glossbench.errors import CannotWrite, InputError
 
 KIND = "an OpenEXR image"
-_BLOCK = 2**26  # bytes of pixels at a time
+_BLOCK = 2**26  # bytes of pixels read at a time
 _PROJECTION, _AXES = "glossbench:projection", "glossbench:axes"  # attributes of the files that are written here
-# What the format's own attribute means, by the library's name for its values.
+# Projection and axes by the library's names for the values of the format's own attribute.
 _ENVMAP = {"LatLong Environment": ("lat_long", "mitsuba"), "CubeFace Environment": ("openexr_cube", "forward")}
 _LAT_LONG_NOTE = "by its attribute envmap +z is in the centre, -x right of it (axes mitsuba); `axes: forward` wins"
 
 
 def read_exr(path: Path, layer: str | None = None) -> Decoded:
-    """Radiance (H, W, 3), float32, of the display window: level 0, black where the data window does not reach.
+    """Radiance (H, W, 3), float32, of level 0 of the display window; pixels outside the data window are black.
 
-    Of a named layer, or of the one that holds all of the light (see `exr_layers`). Unsigned integers become the
-    number that they are. Colour is that of `chromaticities` turned to linear Rec. 709, and counts as stored: it is
-    premultiplied by alpha, so that what is transparent is black. The other parts and levels are read too, and
-    dropped: a file cut short is refused wherever the cut is. `whiteLuminance`, an absolute unit, and
-    `worldToCamera`, which says nothing of a picture of all directions, are left out of account.
+    It is read from a named layer, or from the layer that holds all of the light (see `exr_layers`). Unsigned integers
+    keep their value. Colour is converted from `chromaticities` to linear Rec. 709. It is used as stored: it is
+    premultiplied by alpha, so transparent pixels are black. The other parts and levels are read and dropped, so that
+    a truncated file is refused wherever it ends. `whiteLuminance`, an absolute unit, and `worldToCamera`, which has no
+    meaning for a picture of all directions, are ignored.
 
-    How it covers the sphere is what `write_exr` wrote there, or the format's own attribute `envmap`.
+    How it covers the sphere is stated by the attributes that `write_exr` writes, or by the format's own `envmap`.
 
     Raises:
-        InputError: damaged, too large, deep, luminance and chroma (Y, RY, BY), no such layer, no colour, or none of
-            its pixels within the display window.
+        InputError: the file is damaged, too large, deep or of luminance and chroma (Y, RY, BY); it has no such layer,
+            no colour, or no pixel inside the display window.
 
     Source: OpenEXR, "Technical Introduction" (windows, premultiplied alpha), "Standard Attributes", ImfEnvmap.h.
     """
@@ -73,14 +73,13 @@ def write_exr(
     channels: Sequence[str] = ("R", "G", "B"),
     covers: Covering | None = None,
 ) -> None:
-    """Writes an image (H, W, C) as float32 OpenEXR, one name a channel; the same image gives the same bytes.
+    """Writes an image (H, W, C) as float32 OpenEXR, one name per channel; the same image gives the same bytes.
 
-    The file appears under its name whole or not at all. How it covers the sphere is written where that is given, and
-    as the format's own `envmap` too where this means the same: lat_long with the axes of mitsuba.
+    The file appears under its name whole or not at all. `covers` is written if given; for lat_long with the axes of
+    mitsuba it is also written as the format's own `envmap`, which has the same meaning.
 
     Raises:
-        InputError: a shape that does not fit the channels, another extension, or a folder that cannot be
-            written.
+        InputError: the shape does not fit the channels, the extension is not .exr, or the folder cannot be written.
     """
     path = Path(path)
     check_exr_name(path)
@@ -94,7 +93,7 @@ def write_exr(
         if (covers.projection, covers.axes) == _ENVMAP["LatLong Environment"]:
             header["envmap"] = OpenEXR.ENVMAP_LATLONG
     content = {name: np.ascontiguousarray(planes[..., i]) for i, name in enumerate(channels)}
-    coded = io.BytesIO()  # so that a file half written exists for the shortest time, and a full disk says so
+    coded = io.BytesIO()  # encoded in memory first: the file is written in one step, and a full disk raises an error
     try:
         OpenEXR.File(header, content).write(coded)
     except RuntimeError as error:
@@ -104,7 +103,7 @@ def write_exr(
 
 
 def check_exr_name(path: Path) -> None:
-    """InputError for a name to write to that does not end in .exr, or whose folder is not there."""
+    """Raises InputError if a path to write does not end in .exr, is a folder, or is in a folder that does not exist."""
     if path.suffix.lower() != ".exr":
         raise InputError(f"{path}: the extension must be .exr, got {path.suffix!r}")
     if path.is_dir():
@@ -114,7 +113,7 @@ def check_exr_name(path: Path) -> None:
 
 
 def _unopened(path: Path, reason: str) -> InputError:
-    """Why the library does not open a file."""
+    """The error for a file that the library does not open."""
     subsampled = re.findall(r'Subsampled channels are not supported \(channel "([^"]*)"', reason)
     if subsampled:
         chroma = "luminance and chroma (Y, RY, BY), not R, G, B" if {"RY", "BY"} & set(subsampled) else ""
@@ -124,18 +123,18 @@ def _unopened(path: Path, reason: str) -> InputError:
 
 
 def _parts(path: Path, source: oiio.ImageInput) -> list[oiio.ImageSpec]:
-    """The header of every part, none of them too large."""
+    """The header of every part; InputError if one is too large."""
     parts: list[oiio.ImageSpec] = []
     while source.seek_subimage(len(parts), 0):
         parts.append(source.spec())
         check_size(path, KIND, parts[-1].width, parts[-1].height)
         check_size(path, KIND, parts[-1].full_width, parts[-1].full_height)
-    last_error(source.geterror)  # that there is no further part
+    last_error(source.geterror)  # clears the error that there is no further part
     return parts
 
 
 def _windows(path: Path, spec: oiio.ImageSpec) -> tuple[str, ...]:
-    """What to note where the pixels are not just those of the picture; InputError where none is in it."""
+    """A note if data window and display window differ; InputError if they do not overlap."""
     data, display = (
         (spec.x, spec.y, spec.width, spec.height),
         (spec.full_x, spec.full_y, spec.full_width, spec.full_height),
@@ -166,7 +165,7 @@ def _shape_of_pixels(spec: oiio.ImageSpec) -> tuple[str, ...]:
 
 
 def _covering(spec: oiio.ImageSpec) -> Covering | None:
-    """How the header says that the picture covers the sphere."""
+    """How the picture covers the sphere, if the header states it."""
     projection = spec.get_string_attribute(_PROJECTION)
     if projection:
         return Covering(projection, spec.get_string_attribute(_AXES) or "forward", f"its attribute {_PROJECTION}")
@@ -178,7 +177,7 @@ def _covering(spec: oiio.ImageSpec) -> Covering | None:
 
 
 def _whole(path: Path, source: oiio.ImageInput, wanted: oiio.ImageSpec, layer: Layer) -> tuple[np.ndarray, int]:
-    """The picture (H, W, 3), and how many of its pixels are transparent; all else in the file was there to be read."""
+    """The picture (H, W, 3) and the number of its transparent pixels; the rest of the file is read too, as a check."""
     used = [*layer.channels, *([] if layer.alpha is None else [layer.alpha])]
     first, end = min(used), max(used) + 1
     formats = wanted.channelformats or (wanted.format,) * wanted.nchannels
@@ -213,7 +212,7 @@ def _whole(path: Path, source: oiio.ImageInput, wanted: oiio.ImageSpec, layer: L
 
 
 def _block(spec: oiio.ImageSpec, n_channels: int) -> int:
-    """Rows to read at a time: whole tiles, or what the file codes together, of about 64 MB."""
+    """Number of rows to read at a time, about 64 MB: whole tiles, or whole blocks of rows that are coded together."""
     together = spec.tile_height or spec.get_int_attribute("oiio:RowsPerChunk", 1)
     return max(1, _BLOCK // (4 * n_channels * spec.width * together)) * together
 

@@ -1,4 +1,4 @@
-"""Layers of an OpenEXR image: which channels of which part are its colour."""
+"""Layers of an OpenEXR image: finds the channels and the part that hold its colour."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -9,24 +9,24 @@ import OpenImageIO as oiio
 
 from glossbench.errors import InputError, nearest
 
-# What programs call all of the light together, the surest name first; the layer without a name is surer than any.
+# Names that programs give to the layer of all light, the surest first; a layer without a name is the surest.
 _COMBINED = ("", "combined", "rgba", "rgb", "beauty", "c", "ci", "color", "colour", "main", "final", "image", "default")
 _LEAVES = {"r": 0, "red": 0, "g": 1, "green": 1, "b": 2, "blue": 2}
 _GREY = ("y", "l", "luminance", "grey", "gray")
 _IDS = re.compile(r"crypto\w*\d\d$", re.IGNORECASE)  # Cryptomatte: R, G, B, A are names of objects and shares
-_LISTED = 12  # channels and layers named in a message
+_LISTED = 12  # largest number of channels or layers that a message names
 
 
 class Layer(NamedTuple):
-    """Channels that are one colour.
+    """Channels that form one colour.
 
     Attributes:
         part: number of the part.
-        channels: of red, green and blue, or three times that of the luminance.
-        alpha: channel of its alpha, where it has one.
-        names: by which it can be asked for, the fullest first.
-        view: of a stereo image, left say; "" where there are none.
-        plain: its name without that of the view, in lower case; "" where nothing but colour is in the part.
+        channels: numbers of the channels red, green and blue, or three times that of the luminance.
+        alpha: number of the alpha channel, or None.
+        names: names by which a user can choose it, the longest first.
+        view: view of a stereo image, e.g. left; "" if there are no views.
+        plain: name without the view, in lower case; "" if it needs no name.
     """
 
     part: int
@@ -38,14 +38,14 @@ class Layer(NamedTuple):
 
 
 def colour_layer(path: Path, parts: Sequence[oiio.ImageSpec], wanted: str | None) -> tuple[Layer, tuple[str, ...]]:
-    """The layer that is wanted, or else the one that holds all of the light, and what to note of the choice.
+    """The wanted layer, by default the one that holds all of the light, and notes about the choice.
 
-    A layer is R, G, B (also r, g, b or red, green, blue) behind one name, or in one part; else a luminance Y. Of
-    several the one without a name, else the combined one (Combined, RGBA, beauty, ...), is all of the light; of a
-    stereo image that of its first view.
+    A layer is R, G, B (also r, g, b or red, green, blue) with one prefix or in one part; if there is none, a luminance
+    Y. If there are several layers, all of the light is in the one without a name, else in the combined one (Combined,
+    RGBA, beauty, ...). In a stereo image it is the layer of the first view.
 
     Raises:
-        InputError: no such layer, none that is colour, or several of which none is the combined one.
+        InputError: the layer does not exist, no layer is a colour, or there are several and none is the combined one.
     """
     layers = _layers(parts)
     if wanted is not None:
@@ -77,7 +77,7 @@ def colour_layer(path: Path, parts: Sequence[oiio.ImageSpec], wanted: str | None
 
 
 def _layers(parts: Sequence[oiio.ImageSpec]) -> list[Layer]:
-    """All layers of colour; where there are none, those of luminance."""
+    """All layers of colour; if there are none, those of luminance."""
     colour: list[Layer] = []
     grey: list[Layer] = []
     for part, spec in enumerate(parts):
@@ -92,13 +92,13 @@ def _layers(parts: Sequence[oiio.ImageSpec]) -> list[Layer]:
             at = {_LEAVES[leaf]: channel for leaf, channel in leaves.items() if leaf in _LEAVES}
             if len(at) == 3:
                 colour.append(_layer(spec, title, prefix, part, (at[0], at[1], at[2]), leaves))
-            # X, Y, Z is a place or a normal, and Y, RY, BY luminance with its chroma.
+            # X, Y, Z is a position or a normal; Y, RY, BY is luminance with chroma.
             elif not at and not {"x", "ry", "by"} & set(leaves):
                 channels = [channel for leaf, channel in leaves.items() if leaf in _GREY]
                 if len(channels) == 1:
                     grey.append(_layer(spec, title, prefix, part, (channels[0],) * 3, leaves))
     found_layers = colour or grey
-    # Where one part alone is colour without a name, its title says nothing: it is the picture.
+    # If only one part holds unnamed colour, its title does not matter: it is the picture.
     bare = [layer for layer in found_layers if "" in layer.names]
     alone = len({layer.part for layer in bare}) == 1
     return [layer._replace(plain="") if alone and layer in bare else layer for layer in found_layers]
@@ -109,7 +109,7 @@ def _layer(
 ) -> Layer:
     views = _views(spec)
     words = (prefix or title).split(".")
-    # The first view's channels go without its name.
+    # Channels of the first view do not carry its name.
     view = spec.get_string_attribute("view") or next((word for word in reversed(words) if word in views), "")
     plain = ".".join(word for word in words if word != view) if view else prefix or title
     full = f"{title}.{prefix}" if title and prefix else prefix or title
@@ -119,7 +119,7 @@ def _layer(
 
 
 def _views(spec: oiio.ImageSpec) -> list[str]:
-    """Of a stereo image in one part, the first of them that of the channels without a view's name."""
+    """The views of a stereo image in one part; channels without the name of a view belong to the first."""
     stated = spec.getattribute("multiView")
     return [stated] if isinstance(stated, str) else list(stated or ())
 

@@ -1,4 +1,4 @@
-"""Image files to a tensor: OpenEXR, Radiance HDR, TIFF, portable float maps, DDS cube maps; integers when asked.
+"""Reads image files to a tensor: OpenEXR, Radiance HDR, TIFF, portable float maps, DDS cube maps; integers on request.
 
 Images are (H, W, 3), row 0 at the top, linear radiance, float32.
 """
@@ -18,15 +18,15 @@ from glossbench.errors import InputError
 
 __all__ = ["read_file", "read_image", "read_pixels", "write_exr"]
 
-# What a file holds by its extension; its first bytes must agree, as a reading library would take a PNG called .hdr.
+# Format by extension. The first bytes must agree: without this check a library would read a PNG named .hdr.
 _FLOATS = {".exr": exr.KIND, ".hdr": hdr.KIND, ".pfm": pfm.KIND, ".dds": dds.KIND, ".tif": ldr.KINDS[".tif"]}
 
 
 def read_image(path: str | Path, layer: str | None = None, ldr: bool = False) -> Tensor:
-    """Radiance (H, W, 3), float32: the image of a file fit to be a light.
+    """Radiance (H, W, 3), float32: the image of a file, checked so that it can be a light.
 
     Raises:
-        InputError: as `read_file`, and for a value that is NaN, infinite or negative.
+        InputError: as `read_file`, or a value is NaN, infinite or negative.
     """
     image = read_file(path, layer, ldr).image
     fit_to_be_light(Path(path), image)
@@ -34,26 +34,27 @@ def read_image(path: str | Path, layer: str | None = None, ldr: bool = False) ->
 
 
 def read_pixels(path: str | Path, layer: str | None = None, ldr: bool = False) -> Tensor:
-    """The image (H, W, 3), float32, of a file, row 0 at the top; alpha and all else is dropped."""
+    """The image (H, W, 3), float32, of a file, row 0 at the top; alpha and other channels are dropped."""
     return torch.from_numpy(read_file(path, layer, ldr).image)
 
 
 def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> Decoded:
-    """The image of a file, with what must be known of it.
+    """The image of a file, with notes about how it was read.
 
     Args:
-        layer: of an EXR with several, the layer or part to read.
-        ldr: take an image of integers, decoded from sRGB.
+        layer: the layer or part to read from an EXR with several.
+        ldr: accept an image of integers and decode it from sRGB.
 
     Raises:
-        InputError: no such file, another or damaged format, truncated, no pixels or more than 2^28.
+        InputError: the file does not exist, has another format, is damaged or truncated, or has no pixels or more than
+            2^28.
     """
     path = Path(path)
     suffix = _checked_suffix(path, ldr)
     if layer is not None and suffix != ".exr":
         raise InputError(f"{path}: only an OpenEXR image has layers, got layer {layer!r}")
     try:
-        # A value that overflows on the way is infinite, which is for the caller to judge.
+        # A value that overflows becomes infinite; the caller decides whether this is an error.
         with np.errstate(over="ignore", invalid="ignore"):
             decoded = _decode(path, suffix, layer, ldr)
     except OSError as error:
@@ -70,7 +71,7 @@ def _decode(path: Path, suffix: str, layer: str | None, is_ldr: bool) -> Decoded
 
 
 def _checked_suffix(path: Path, is_ldr: bool) -> str:
-    """The extension; InputError where it, the first bytes or the disk disagree."""
+    """The extension; InputError if it is unknown, the file cannot be read, or its first bytes are of another format."""
     suffix = path.suffix.lower()
     kind = (_FLOATS | ldr.KINDS).get(suffix)
     if suffix in (".png", ".jpg", ".jpeg") and not is_ldr:

@@ -1,4 +1,4 @@
-"""Radiance pictures (.hdr): a header of text, then four bytes a pixel."""
+"""Radiance pictures (.hdr): a header of text, then four bytes per pixel."""
 
 import re
 from math import isfinite, prod
@@ -16,20 +16,20 @@ KIND = "a Radiance HDR image"
 _MAX_HEADER = 2**16
 _RESOLUTION = re.compile(rb"\s*([-+])([XY])\s+([0-9]{1,9})\s+([-+])([XY])\s+([0-9]{1,9})\s*")
 _XYZ = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), (1 / 3, 1 / 3))
-# What Radiance itself states of its own pictures, whose pixels all programs take for Rec. 709.
+# Primaries that Radiance writes into its own pictures; all programs read these pixels as Rec. 709.
 _RADIANCE = ((0.64, 0.33), (0.29, 0.60), (0.15, 0.06), (1 / 3, 1 / 3))
 
 
 def read_hdr(path: Path) -> Decoded:
-    """Radiance (H, W, 3), float32, row 0 at the top, of any of the eight scan orders.
+    """Radiance (H, W, 3), float32, row 0 at the top, from any of the eight scan orders.
 
-    radiance = stored value / product of all EXPOSURE lines / product of all COLORCORR lines of the channel, from CIE
-    XYZ (FORMAT=32-bit_rle_xyze) or other PRIMARIES converted to linear Rec. 709. An EXPOSURE, COLORCORR or GAMMA of 0
-    says nothing, and counts as 1. Spaces and tabs about names and numbers, line ends of all systems, and headers
-    without FORMAT or with empty lines in them are taken as they are.
+    radiance = stored value / product of all EXPOSURE lines / product of all COLORCORR lines of the channel. It is
+    converted from CIE XYZ (FORMAT=32-bit_rle_xyze) or other PRIMARIES to linear Rec. 709. An EXPOSURE, COLORCORR or
+    GAMMA of 0 has no meaning, and counts as 1. The reader accepts spaces and tabs around names and numbers, line ends
+    of all systems, and headers that lack FORMAT or have empty lines.
 
     Raises:
-        InputError: damaged or too large; a GAMMA other than 1, which is not linear.
+        InputError: the file is damaged or too large, or GAMMA is not 1: its values are not linear.
 
     Source: Ward 1991, "Real Pixels"; the file formats of the Radiance manual ("divide by all the EXPOSURE settings").
     """
@@ -43,7 +43,7 @@ def read_hdr(path: Path) -> Decoded:
     image = read_pixels(path, KIND, start, n_lines, n_pixels)
     if not (scale == 1).all():
         image *= scale
-    # Downwards (-Y) and rightwards (+X) are as wanted.
+    # Downwards (-Y) and rightwards (+X) is the wanted order.
     steps = (1 if sign + axis in (b"-Y", b"+X") else -1 for sign, axis in (match.group(1, 2), match.group(4, 5)))
     image = image[tuple(slice(None, None, step) for step in steps)]
     image = np.ascontiguousarray(image if by_rows else image.swapaxes(0, 1))
@@ -57,9 +57,9 @@ def read_hdr(path: Path) -> Decoded:
 
 
 def _header(path: Path) -> tuple[list[str], re.Match[bytes], int]:
-    """Lines of the header, the size that ends it, and where the pixels begin.
+    """The lines of the header, the line of the size that ends it, and the byte where the pixels begin.
 
-    The size stands behind an empty line; but some programs leave more lines empty, or none.
+    The size follows an empty line; but some programs write several empty lines, or none.
     """
     with path.open("rb") as file:
         head = file.read(_MAX_HEADER)
@@ -126,7 +126,7 @@ def _scale(path: Path, pairs: list[tuple[str, str]]) -> tuple[np.ndarray, list[s
 
 
 def _primaries(path: Path, pairs: list[tuple[str, str]]) -> tuple[tuple[float, float], ...]:
-    """CIE xy of red, green, blue and white of what is stored."""
+    """CIE xy of red, green, blue and white of the stored values."""
     for name, value in pairs:
         if name == "FORMAT" and value == "32-bit_rle_xyze":
             return _XYZ

@@ -1,4 +1,4 @@
-"""Images of integers (.png, .jpg, .tif) as linear radiance, only when asked for; TIFF of floats, which is radiance."""
+"""Images of integers (.png, .jpg, .tif) as linear radiance, only on request; TIFF of floats, which is radiance."""
 
 from math import prod
 from pathlib import Path
@@ -13,22 +13,23 @@ from glossbench.srgb import decoded
 
 KINDS = {".png": "a PNG image", ".jpg": "a JPEG image", ".jpeg": "a JPEG image", ".tif": "a TIFF image",
          ".tiff": "a TIFF image"}  # fmt: skip
-# The library takes an image whose pixels are whole though its end is missing.
+# The library accepts an image whose pixels are complete although its end is missing.
 _END = {b"\x89PNG": b"IEND\xaeB`\x82", b"\xff\xd8\xff": b"\xff\xd9"}
-_PIXELS_A_BYTE = 2000  # of a file: no coding of colour packs more, deflate about 350
+_PIXELS_A_BYTE = 2000  # pixels per byte of a file: no coding of colour packs more; deflate packs about 350
 _INTEGERS = {oiio.UINT8: 2**8, oiio.UINT16: 2**16}
 _FLOATS = (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
 _SRGB_IN_CICP = (1, 13)  # primaries and curve
 
 
 def read_ldr(path: Path, ldr: bool) -> Decoded:
-    """Colour (H, W, 3), float32; grey three times; alpha is dropped, without being multiplied in.
+    """Colour (H, W, 3), float32; grey is repeated three times; alpha is dropped, and colour is not multiplied by it.
 
-    Floats are radiance as they are. Integers of 8 or 16 bits are in [0, 1], and decoded from sRGB or from the power
-    that a PNG states.
+    Floats are radiance. Integers of 8 or 16 bits are mapped to [0, 1], then decoded from sRGB or from the power that a
+    PNG states.
 
     Raises:
-        InputError: integers without `ldr`; damaged, too large, other integers, or a coding of colour that is not read.
+        InputError: the image has integers and `ldr` is false, or other integers; it is damaged or too large, or its
+            coding of colour is not supported.
     """
     kind = KINDS[path.suffix.lower()]
     with path.open("rb") as file:
@@ -54,7 +55,7 @@ def read_ldr(path: Path, ldr: bool) -> Decoded:
         if pixels is None or source.has_error:
             raise damaged(path, kind, last_error(source.geterror))
         notes = ["the first of its pages is read"] if source.seek_subimage(1, 0) else []
-        last_error(source.geterror)  # that there is no further page
+        last_error(source.geterror)  # clears the error that there is no further page
     finally:
         source.close()
     image = _upright(pixels[..., [0, 1, 2] if spec.nchannels > 2 else [0, 0, 0]], spec)
@@ -66,7 +67,7 @@ def read_ldr(path: Path, ldr: bool) -> Decoded:
 
 
 def _check_coding(path: Path, spec: oiio.ImageSpec, ldr: bool) -> None:
-    """InputError where the values cannot be understood, or are integers that nobody asked for."""
+    """Raises InputError if the coding of colour is not supported, or the values are integers and `ldr` is false."""
     colour = spec.get_string_attribute("tiff:ColorSpace")
     if colour.startswith("LOG") or colour.endswith("LAB"):
         name = f"SGI {colour.title()}" if colour.startswith("LOG") else colour
@@ -84,7 +85,7 @@ def _check_coding(path: Path, spec: oiio.ImageSpec, ldr: bool) -> None:
 
 
 def not_asked_for(path: Path) -> InputError:
-    """The error for integers that are not to be taken for radiance."""
+    """The error for an image of integers without `ldr`."""
     return InputError(f"{path}: is not a high-dynamic-range image; to use its integers as radiance set ldr: true")
 
 
@@ -97,14 +98,14 @@ def _curve(spec: oiio.ImageSpec, values: np.ndarray) -> tuple[np.ndarray, list[s
     space, gamma = spec.get_string_attribute("oiio:ColorSpace"), spec.get_float_attribute("oiio:Gamma")
     if space.startswith("lin_"):
         return values, ["its integers are linear, as it states"]
-    # 2.2 is what writers of sRGB state by a number.
+    # Programs that write sRGB state it as the number 2.2.
     if gamma and abs(gamma - 2.2) > 0.01:
         return values**gamma, [*notes, f"decoded by the power {gamma:.4g} that it states"]
     return decoded(values), notes
 
 
 def _upright(pixels: np.ndarray, spec: oiio.ImageSpec) -> np.ndarray:
-    """Pixels as they are to be seen, whatever the order in which the file has them."""
+    """Pixels in upright order, whatever the orientation in the file is."""
     orientation = spec.get_int_attribute("Orientation", 1)
     if orientation == 1 or prod(pixels.shape) == 0:
         return pixels

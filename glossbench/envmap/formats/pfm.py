@@ -10,21 +10,20 @@ from glossbench.envmap.formats.decoded import Decoded
 from glossbench.envmap.formats.refusals import check_fits, check_size, damaged
 
 KIND = "a portable float map"
-# The one white space after the scale ends the header: what follows may be a byte of pixels that looks like another.
+# Exactly one white space after the scale ends the header: the next byte is a pixel, even if it looks like white space.
 _HEADER = re.compile(rb"(PF|Pf)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([-+]?[0-9.eE+-]{1,30})(\r\n|\s)")
 _REST_OF_LINE = re.compile(rb"[ \t]+\r?\n")
 
 
 def read_pfm(path: Path) -> Decoded:
-    """Image (H, W, 3), float32, row 0 at the top; grey (Pf) three times.
+    """Image (H, W, 3), float32, row 0 at the top; grey (Pf) is repeated three times.
 
-    value = stored * |scale|: a negative scale says little-endian, its magnitude is the unit of the samples. Writers
-    that have nothing to say write 1.
+    value = stored * |scale|: a negative scale means little-endian; its magnitude is the unit of the samples, usually 1.
 
     Raises:
-        InputError: a header that is none, too large, or fewer bytes than it claims.
+        InputError: the header is not valid, the image is too large, or the file has fewer bytes than the header claims.
 
-    Source: the manual of Netpbm, pfm(5). Photoshop's files, top row first, need flip_vertical.
+    Source: the manual of Netpbm, pfm(5). Files of Photoshop begin with the top row and need flip_vertical.
     """
     with path.open("rb") as file:
         head = file.read(128)

@@ -1,4 +1,4 @@
-"""Pixels that are no radiance: NaN, infinite, negative, or so large that sums over them overflow."""
+"""Finds pixels that are not radiance: NaN, infinite, negative, or so large that sums over them overflow."""
 
 from pathlib import Path
 from typing import Literal
@@ -12,14 +12,14 @@ Invalid = Literal["refuse", "clamp"]
 
 
 def fit_to_be_light(path: Path, image: np.ndarray, invalid: Invalid = "refuse") -> tuple[str, ...]:
-    """Checks the values of an image (H, W, 3), or makes them valid in place and says in a note what was done.
+    """Checks the values of an image (H, W, 3), or makes them valid in place and returns a note about the changes.
 
-    Clamped, a value above 1e30 or infinite becomes the largest of the valid ones, a negative one or NaN becomes 0.
+    With `clamp` a value above 1e30 or infinite becomes the largest valid value; a negative value or NaN becomes 0.
 
     Raises:
-        InputError: with `refuse`, for values that are NaN, infinite, above 1e30 or negative.
+        InputError: with `refuse`, if a value is NaN, infinite, above 1e30 or negative.
     """
-    if image.min() >= 0 and image.max() <= LARGEST:  # false where there is NaN
+    if image.min() >= 0 and image.max() <= LARGEST:  # False if there is a NaN
         return ()
     is_nan, is_large, is_negative = np.isnan(image), image > LARGEST, image < 0
     if invalid == "refuse":
@@ -43,7 +43,7 @@ def fit_to_be_light(path: Path, image: np.ndarray, invalid: Invalid = "refuse") 
 
 
 def _where(image: np.ndarray, bad: np.ndarray) -> str:
-    """How many pixels are bad, and the first of them."""
+    """The number of bad pixels, and the first of them."""
     pixels = bad.any(2)
     row, column = np.argwhere(pixels)[0].tolist()
     value = image[row, column][bad[row, column]][0].item()

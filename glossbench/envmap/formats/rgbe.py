@@ -6,20 +6,21 @@ import numpy as np
 
 from glossbench.envmap.formats.refusals import check_fits, damaged
 
-_SCALE = np.ldexp(np.float32(1), np.arange(256) - 136)  # of a mantissa, by exponent
+_SCALE = np.ldexp(np.float32(1), np.arange(256) - 136)  # factor of a mantissa, by exponent
 _SCALE[0] = 0
-_AT_ONCE = 2**20  # pixels: bounds the memory
+_AT_ONCE = 2**20  # pixels converted at a time, to bound the memory
 
 
 def read_pixels(path: Path, kind: str, start: int, n_lines: int, n_pixels: int) -> np.ndarray:
-    """Values (n_lines, n_pixels, 3), float32, of the scanlines that begin at a place in a file.
+    """Values (n_lines, n_pixels, 3), float32, of the scanlines that begin at byte `start` of a file.
 
-    value = mantissa 2^(exponent - 136), 0 where the exponent is 0. Each scanline says by its first bytes how it is
-    coded: 2, 2 and its length of 8 to 32767 begin four planes of runs (the new way); all else is pixels, of which
-    1, 1, 1, n repeats the one before (the old way). Where no scanline is of the new kind, old runs may cross lines.
+    value = mantissa 2^(exponent - 136), 0 if the exponent is 0. The first bytes of each scanline state its coding: the
+    new coding begins with 2, 2 and the length, 8 to 32767, and has four planes of runs. Otherwise the scanline holds
+    pixels, and a record 1, 1, 1, n repeats the pixel before it (the old coding). If no scanline has the new coding, old
+    runs may cross lines.
 
     Raises:
-        InputError: fewer bytes than the size needs, runs that do not add up, or a scanline of another length.
+        InputError: there are fewer bytes than the size needs, runs do not add up, or a scanline has another length.
     """
     n_bytes = path.stat().st_size - start
     if n_bytes < 4 * n_lines:
@@ -28,7 +29,7 @@ def read_pixels(path: Path, kind: str, start: int, n_lines: int, n_pixels: int) 
     check_fits(path, n_pixels, n_lines)
     with path.open("rb") as file:
         file.seek(start)
-        data = file.read(n_lines * (8 * n_pixels + 4))  # all that the longest coding takes
+        data = file.read(n_lines * (8 * n_pixels + 4))  # the size of the longest coding
     marker = bytes([2, 2, *divmod(n_pixels, 256)]) if 8 <= n_pixels < 2**15 else b""
     if marker and data[:2] == marker[:2] and data[2] < 128 and data[2:4] != marker[2:]:
         stated = 256 * data[2] + data[3]
@@ -45,7 +46,7 @@ def read_pixels(path: Path, kind: str, start: int, n_lines: int, n_pixels: int) 
 
 
 def _scanlines(path: Path, kind: str, data: bytes, n_lines: int, n_pixels: int, marker: bytes) -> np.ndarray:
-    """(N, 4) of scanlines of which each is coded in its own way."""
+    """Pixels (N, 4) of scanlines, each of which may have the new or the old coding."""
     rgbe = np.empty((n_lines, n_pixels, 4), np.uint8)
     at = 0
     for line in range(n_lines):
@@ -65,7 +66,7 @@ def _scanlines(path: Path, kind: str, data: bytes, n_lines: int, n_pixels: int, 
 
 
 def _plane(data: bytes, at: int, n_pixels: int) -> tuple[bytes, int]:
-    """One channel of a scanline of the new kind, as long as its runs make it, and where it ends."""
+    """One channel of a scanline in the new coding, with the length of its runs, and the byte where it ends."""
     parts, n_done = [], 0
     while n_done < n_pixels and at + 1 < len(data):
         count = data[at]
@@ -83,12 +84,12 @@ def _plane(data: bytes, at: int, n_pixels: int) -> tuple[bytes, int]:
 
 
 def _records(path: Path, kind: str, data: bytes, at: int, n_pixels: int, is_flat: bool) -> tuple[np.ndarray, int]:
-    """(N, 4) of pixels that are flat or in the old run-length coding, and where they end.
+    """Pixels (N, 4) that are flat or in the old run-length coding, and the byte where they end.
 
-    A record 1, 1, 1, n is no normalised pixel: it repeats the pixel before it n times, n 256^k times as the k-th
-    such record in a row. Pixels that are known to be flat have no runs.
+    A record 1, 1, 1, n cannot be a normalised pixel: it repeats the pixel before it n times, or n 256^k times if k such
+    records precede it directly. Pixels that are known to be flat have no runs.
     """
-    n_records = min((len(data) - at) // 4, n_pixels)  # a run of none, 1, 1, 1, 0, does not come in a sound file
+    n_records = min((len(data) - at) // 4, n_pixels)  # valid files have no empty run 1, 1, 1, 0
     records = np.frombuffer(data, np.uint8, n_records * 4, at).reshape(-1, 4)
     is_run = (records[:, :3] == 1).all(1) & (not is_flat)
     if is_run[:1].any():
@@ -96,8 +97,8 @@ def _records(path: Path, kind: str, data: bytes, at: int, n_pixels: int, is_flat
     if n_records == n_pixels and not is_run.any():
         return records, at + 4 * n_pixels
     index = np.arange(n_records)
-    pixel = np.maximum.accumulate(np.where(is_run, 0, index))  # that the record is, or repeats
-    # A run of 2^32 pixels is too long already: the bound keeps the shift within 64 bits.
+    pixel = np.maximum.accumulate(np.where(is_run, 0, index))  # the record's own pixel, or the one that it repeats
+    # A run of 2^32 pixels is too long in any case: the bound keeps the shift within 64 bits.
     k = np.clip(index - pixel - 1, 0, 4)
     ends = np.cumsum(np.where(is_run, records[:, 3].astype(np.int64) << (8 * k), 1))
     n_used = int(np.searchsorted(ends, n_pixels)) + 1

@@ -1,10 +1,10 @@
-"""What a file is by its first bytes, whatever it is called."""
+"""Recognises the format of a file by its first bytes, whatever its name is."""
 
 from typing import NamedTuple
 
 
 class Signature(NamedTuple):
-    """A format, its first bytes from an offset on, and the extension under which it is read; "" where it is not."""
+    """A format, its bytes at an offset, and the extension under which it can be read; "" if it cannot be read."""
 
     kind: str
     start: bytes
@@ -47,12 +47,12 @@ _NO_IMAGE = {
 
 
 def recognised(head: bytes) -> Signature | None:
-    """The format that a file of these first bytes has, None where it is not known."""
+    """The format of a file with these first bytes; None if it is not known."""
     return next((s for s in _SIGNATURES if head[s.offset :].startswith(s.start)), None)
 
 
 def what_to_do(head: bytes) -> str:
-    """What begins so and what to do about it, as the end of a sentence; "" where it is not known."""
+    """The end of a sentence that names the format and what to do about it; "" if the format is not known."""
     found = recognised(head)
     if found is None:
         return ""

@@ -1,4 +1,4 @@
 """Lights: named options that become a cube map.
 
-The top of envmap: it imports its formats, projections and texels.
+This is the highest room of envmap: it imports formats, projections and texels.
 """

@@ -12,17 +12,17 @@ from glossbench.options import Resolution
 
 
 class CatalogLight(Light):
-    """Radiance of a public file, fetched when it is not here, and read as the catalogue says.
+    """Radiance of a public file. It is fetched if it is not on this machine, and read as the catalogue states.
 
     Attributes:
-        resolution: texels along the edge of a face, a power of two; by default what the image resolves.
+        resolution: texels along the edge of a face, a power of two; by default the one nearest to the image's.
     """
 
     resolution: Resolution | None = None
 
     @cached_property
     def _file(self) -> FileLight:
-        """The light of the verified file, which is fetched where it is not here."""
+        """The light of the verified file, which is fetched if it is not on this machine."""
         stated = entry(self.name)
         return FileLight.create({"file": str(fetch(self.name)), "resolution": self.resolution, **stated.reading})
 
@@ -31,15 +31,15 @@ class CatalogLight(Light):
         return self._file.cubemap()
 
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
-        """What the file holds, and how it was understood."""
+        """Facts about the light of the file, and how the file was read."""
         return self._file.facts(cubemap)
 
     def notes(self) -> tuple[str, ...]:
-        """Those of the file."""
+        """The notes of the file."""
         return self._file.notes()
 
     def key(self) -> str:
-        """That of the file: its bytes, and how they are read."""
+        """The key of the file: its bytes, and the options that say how to read them."""
         return self._file.key()
 
 

@@ -1,4 +1,4 @@
-"""A checkerboard of the cube: hard edges everywhere, no texel aliased."""
+"""A checkerboard on the cube: hard edges everywhere, without aliasing."""
 
 from typing import Annotated
 
@@ -13,14 +13,14 @@ from glossbench.options import Radiance, Resolution
 
 @LIGHTS.register("checker")
 class Checker(Light):
-    """Each face of the cube in cells x cells squares of two radiances; the top left square of each face is bright.
+    """Each face of the cube has cells x cells squares of two radiances; its top left square is bright.
 
-    A texel holds the exact mean over its solid angle, so that one on an edge is grey. With an even number of cells
-    the mean over the sphere is (bright + dark) / 2, with an odd number nearer to bright. Across some edges of the
-    cube squares of one radiance meet: three meet at each of its corners, and two colours cannot part three.
+    A texel holds the exact mean over its solid angle, so a texel across an edge is grey. With an even number of cells
+    the mean over the sphere is (bright + dark) / 2, with an odd number it is nearer to bright. At some edges of the
+    cube squares of equal radiance meet: three squares meet at each corner, but there are only two radiances.
 
     Attributes:
-        cells: squares along the edge of a face; above half the resolution there is more than one in a texel.
+        cells: squares along the edge of a face; above half the resolution texels contain parts of several squares.
         bright, dark: the two radiances, a scalar or RGB.
         resolution: texels along the edge of a face, a power of two.
     """
@@ -39,7 +39,7 @@ class Checker(Light):
 
 
 def _bright_share(resolution: int, cells: int) -> Tensor:
-    """Share of each texel's solid angle that is bright, (R, R), float64.
+    """The bright share of each texel's solid angle, (R, R), float64.
 
     A face is cut along the edges of both texels and squares; each piece has one radiance and lies in one texel.
     """

@@ -1,4 +1,4 @@
-"""Facts of a light: what it holds in a dozen numbers."""
+"""Facts about a light: a dozen numbers that describe it."""
 
 from dataclasses import dataclass
 from math import pi
@@ -15,20 +15,22 @@ Color = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class LightFacts:
-    """What a light holds; means, shares and percentiles are over the sphere, by exact solid angle.
+    """Facts about a light; means, shares and percentiles are over the sphere, by exact solid angle.
 
-    Luminance is that of linear Rec. 709, 0.2126 R + 0.7152 G + 0.0722 B. All of the cube map, after resampling.
+    Luminance is that of linear Rec. 709, 0.2126 R + 0.7152 G + 0.0722 B. All facts but those of the image are about the
+    cube map, after resampling.
 
     Attributes:
         resolution: texels along the edge of a face.
-        mean: radiance, RGB.
+        mean: mean radiance, RGB.
         peak: largest luminance.
-        dynamic_range: peak / the luminance below which lies 1 % of the sphere that is not black; 1 of a black light.
-        brightest_share: part of the total luminance in the brightest 0.1 % of the sphere, [0, 1]; 0 of a black light.
+        dynamic_range: peak / first percentile of the luminance, over the part of the sphere that is not black; 1 for a
+            black light.
+        brightest_share: share of the total luminance in the brightest 0.1 % of the sphere, [0, 1]; 0 for a black light.
         irradiance_up, irradiance_right, irradiance_forward: integral of L cos about +y, +x, -z, RGB.
-        projection, axes: of the image that it came from, None of a light that is no image.
-        width, height: of that image in pixels.
-        image_peak: largest luminance of its pixels; `peak` is lower where a lamp is smaller than a texel.
+        projection, axes: those of the image that the light comes from; None if it does not come from an image.
+        width, height: size of this image [pixels].
+        image_peak: largest luminance of its pixels; `peak` is lower if a lamp is smaller than a texel.
     """
 
     resolution: int
@@ -49,9 +51,9 @@ class LightFacts:
 def facts(
     cubemap: CubeMap, projection: str | None = None, image: Tensor | None = None, axes: str | None = None
 ) -> LightFacts:
-    """The facts of a cube map, and of the image (H, W, 3), its projection and axes, that it came from if it did."""
+    """Facts about a cube map and, if it comes from an image (H, W, 3), about this image."""
     resolution = cubemap.resolution
-    # Single precision and arrays used again: with all of 2048 texels along an edge it is a question of gigabytes.
+    # Single precision, and arrays are reused: a cube map with 2048 texels along an edge needs gigabytes.
     luminance, order = torch.cat([_luminance(face) for face in cubemap.faces.cpu()]).sort(descending=True)
     share = texel_solid_angles(resolution).flatten()[order.remainder_(resolution**2)]
     del order
@@ -82,7 +84,7 @@ def _luminance(image: Tensor) -> Tensor:
 
 
 def _at(x: Tensor, y: Tensor, value: float) -> float:
-    """y where the increasing x first reaches a value."""
+    """y at the first point where the increasing x reaches a value."""
     return y[torch.searchsorted(x, value).clamp(max=len(x) - 1)].item()
 
 

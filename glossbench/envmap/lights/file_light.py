@@ -1,4 +1,4 @@
-"""The light of an image file, and what one word means as a light."""
+"""The light of an image file, and the light that one word means."""
 
 import hashlib
 import json
@@ -28,20 +28,21 @@ from glossbench.unchanged import unchanged
 
 @LIGHTS.register("file")
 class FileLight(Light):
-    """Radiance of an image file: .exr, .hdr, .tif, .pfm or .dds, or one of integers where `ldr` says so.
+    """Radiance of an image file: .exr, .hdr, .tif, .pfm or .dds; with `ldr` also an image of integers.
 
     Attributes:
-        file: path of the image; a relative one is looked for here, beside the study and below GLOSSBENCH_DATA.
-        resolution: texels along the edge of a face, a power of two; by default what the image resolves.
-        projection: how the image covers the sphere; by default what the file says, else recognised from its shape.
-        axes: whose axis convention it follows; by default what the file says, else forward (-z) is in the centre (see
+        file: path of the image; a relative one is searched in the current folder, the folder of the study and below
+            GLOSSBENCH_DATA.
+        resolution: texels along the edge of a face, a power of two; by default the one nearest to the image's.
+        projection: how the image covers the sphere; by default what the file states, else recognised from its shape.
+        axes: the axis convention of the image; by default what the file states, else forward (-z) is in the centre (see
             the module axes).
-        flip_vertical: the image's first row is straight down.
+        flip_vertical: whether the first row of the image looks straight down.
         scale: factor on the radiance.
-        layer: of an .exr with several, the layer or part that is the light.
-        ldr: take a .png, .jpg or .tif of 8 or 16 bits, decoded from sRGB, for what it is worth.
-        invalid: refuse an image with a value that is NaN, infinite, above 1e30 or negative, or clamp: what is too large
-            becomes the largest of the other values, what is negative or NaN becomes 0, and a note says how many.
+        layer: the layer or part that is the light, in an .exr with several.
+        ldr: accept a .png, .jpg or .tif of 8 or 16 bits and decode it from sRGB, although its range is low.
+        invalid: "refuse" an image with a value that is NaN, infinite, above 1e30 or negative, or "clamp": values that
+            are too large become the largest valid value, negative ones and NaN become 0; a note states how many.
     """
 
     file: str
@@ -56,7 +57,7 @@ class FileLight(Light):
 
     @cached_property
     def _decoded(self) -> Decoded:
-        """The content of the file, of which all below is made."""
+        """The content of the file, from which everything below follows."""
         path = locate(self.file)
         decoded = read_file(path, self.layer, self.ldr)
         if self.scale != 1:
@@ -74,7 +75,7 @@ class FileLight(Light):
         return "image file" if option == "file" else None
 
     def open_files(self) -> None:
-        """The image, and whether its shape says how it covers the sphere."""
+        """Reads the image, and checks that its projection is known."""
         _ = self._covered
 
     def image(self) -> Tensor:
@@ -82,22 +83,22 @@ class FileLight(Light):
         return torch.from_numpy(self._decoded.image)
 
     def cubemap(self) -> CubeMap:
-        """The file's radiance as a cube map, its energy kept."""
+        """The file's radiance as a cube map with the same energy."""
         with unchanged(locate(self.file)):  # its key reads the file again
             image, how = self.image(), self._covered
             return to_cubemap(image, how.projection, self.resolution, self.flip_vertical, self.key(), how.axes)
 
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
-        """What the file holds, and how it was understood."""
+        """Facts about the light, and how the file was read."""
         cubemap = self.cubemap() if cubemap is None else cubemap
         return facts(cubemap, self._covered.projection, self.image(), self._covered.axes)
 
     def notes(self) -> tuple[str, ...]:
-        """What was changed, left out or assumed of the file's content, each with the file's name."""
+        """What was changed, left out or assumed when the file was read; each note begins with the file's name."""
         return tuple(f"{Path(self.file).name}: {note}" for note in self._decoded.notes + self._covered.notes)
 
     def key(self) -> str:
-        """Hash of the file's bytes, and the options that say how it is read."""
+        """Hash of the file's bytes, and the options that say how to read it."""
         with locate(self.file).open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         reading = {k: v for k, v in self.as_dict().items() if k != "file"}
@@ -105,7 +106,7 @@ class FileLight(Light):
 
 
 def file_or_name(text: str) -> tuple[str, dict[str, Any]]:
-    """What one word means as a light: a registered name, or an image file, with the options that this states."""
+    """The light that one word means: a registered name, or the path of an image file with its option."""
     return ("file", {"file": text}) if Path(text).suffix and text not in LIGHTS.names() else (text, {})
 
 
@@ -113,7 +114,7 @@ def light_named(text: str, options: Mapping[str, Any]) -> Light:
     """The light of a registered name or of an image file, with options.
 
     Raises:
-        InputError: unknown name or option, or a value out of bounds.
+        InputError: a name or option is unknown, or a value is out of bounds.
     """
     name, stated = file_or_name(text)
     return LIGHTS.create(name, {**stated, **options})

@@ -15,7 +15,7 @@ class Light(Options):
         raise NotImplementedError
 
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
-        """What it holds; its cube map may be handed over where it is made already."""
+        """Facts about the light; pass its cube map if it exists already."""
         return facts(self.cubemap() if cubemap is None else cubemap)
 
 

@@ -1,4 +1,4 @@
-"""A picture of a sky over a sea with a low range of brightness, whose sun and its reflection are raised by hand."""
+"""A picture of sky and sea with a low dynamic range, in which the sun and its reflection are made brighter by hand."""
 
 from math import radians, sin
 from typing import Annotated
@@ -18,20 +18,21 @@ _SUN, _WATER = (1.0, 0.9, 0.7), (0.02, 0.06, 0.08)
 
 @LIGHTS.register("loch")
 class Loch(Light):
-    """Sky, sea and sun in values of [0, 1], but for the sun's disc and its reflection, which are 10^powers times that.
+    """Sky, sea and sun with values in [0, 1]; the disc of the sun and its reflection are multiplied by 10^powers.
 
-    Sky: from the zenith's colour to the horizon's as (1 - d_y)^4. Sea: what a mirror reflects of it, by Schlick's law
-    with 0.02, over a dark blue. The reflection in the waves is three times as high as the disc, and reflects alike.
+    Sky: the colour changes from zenith to horizon as (1 - d_y)^4. Sea: a mirror image of the sky, weighted by Schlick's
+    law with 0.02, over a dark blue. The reflection of the sun in the waves has three times the height of the disc and
+    the same law.
 
     Attributes:
-        powers: of ten, by which the sun is raised.
-        elevation: of the sun above the horizon, in degrees.
-        azimuth: of the sun from forward (-z) to the right (+x), in degrees.
-        radius: of the disc, in degrees.
+        powers: powers of ten by which the sun is made brighter.
+        elevation: angle of the sun above the horizon [degrees].
+        azimuth: angle of the sun from forward (-z) to the right (+x) [degrees].
+        radius: radius of the disc [degrees].
         resolution: texels along the edge of a face, a power of two.
 
-    Source: stands for the rendered environment "Loch" of J. Heath, which is not public, and for what Latta and Kolb
-    2002, section 4.1, do to it. Shapes and colours are ours.
+    Source: it replaces the rendered environment "Loch" of J. Heath, which is not public, and its change by Latta and
+    Kolb 2002, section 4.1. Shapes and colours are ours.
     """
 
     powers: Annotated[float, Field(ge=0, le=6)] = 2.0
@@ -41,13 +42,13 @@ class Loch(Light):
     resolution: Resolution = 64
 
     def cubemap(self) -> CubeMap:
-        """The radiance itself: of each texel the mean of 4 x 4 directions."""
+        """The radiance itself; each texel is the mean of 4 x 4 directions."""
         k = 4
         d = stack(texel_directions(self.resolution, k)).double()
         up = d[..., 1:2].abs()
         sky = torch.lerp(torch.tensor(_ZENITH).double(), torch.tensor(_HORIZON).double(), (1 - up) ** 4)
         sun = facing(self.azimuth, self.elevation)[0]
-        # The chord is exact for small angles, where the arccosine is not; of the reflection, a third of its height.
+        # The chord is exact for small angles, where the arccosine is not. The height of the reflection is divided by 3.
         offset = torch.stack([d[..., 0], d[..., 1].abs(), d[..., 2]], -1) - sun
         below = d[..., 1] < 0
         height = torch.where(below, offset[..., 1] / 3, offset[..., 1])

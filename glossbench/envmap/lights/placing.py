@@ -1,4 +1,4 @@
-"""Where a lamp stands, by azimuth and elevation."""
+"""The position of a lamp by azimuth and elevation."""
 
 from math import cos, radians, sin
 
@@ -7,13 +7,13 @@ from torch import Tensor
 
 
 def facing(azimuth: float, elevation: float) -> Tensor:
-    """Rows (3, 3), float64: the direction to a lamp, and to the right and up as one sees who looks at it.
+    """Rows (3, 3), float64: the direction to a lamp, and right and up for a viewer who looks at it.
 
     toward = (sin a cos e, sin e, -cos a cos e), right = (cos a, 0, sin a), up = right x toward.
 
     Args:
-        azimuth: a, from forward (-z) to the right (+x), in degrees.
-        elevation: e, above the horizon, in degrees.
+        azimuth: a, from forward (-z) to the right (+x) [degrees].
+        elevation: e, above the horizon [degrees].
     """
     a, e = radians(azimuth), radians(elevation)
     toward = (sin(a) * cos(e), sin(e), -cos(a) * cos(e))

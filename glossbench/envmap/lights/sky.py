@@ -15,7 +15,7 @@ from glossbench.options import Color, Finite, NonNegative, Resolution
 
 SUN_RADIUS = radians(0.533 / 2)
 SUN_SOLID_ANGLE = 4 * pi * sin(SUN_RADIUS / 2) ** 2
-_SUN_POINTS = 2**18  # 240 a texel where a face has 8192 texels an edge
+_SUN_POINTS = 2**18  # 240 per texel if a face has 8192 texels along its edge
 
 # XYZ -> linear Rec. 709, IEC 61966-2-1.
 _RGB = torch.tensor([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
@@ -53,32 +53,33 @@ _MATCHING = (
 
 @LIGHTS.register("sky")
 class Sky(Light):
-    """Clear sky, sun and ground; its luminance 0.2126 R + 0.7152 G + 0.0722 B is in kcd/m2, times `scale`.
+    """Clear sky, sun and ground; the luminance 0.2126 R + 0.7152 G + 0.0722 B is in kcd/m2, times `scale`.
 
-    Sky: Y, x, y each = zenith F(theta, gamma) / F(0, theta_s), with
-    F(theta, gamma) = (1 + A exp(B / cos theta)) (1 + C exp(D gamma) + E cos^2 gamma), theta from the zenith, gamma from
-    the sun, theta_s the sun's theta. Sun: a uniform disc of diameter 0.533 degrees, about 1e5 times the sky; the
-    texels that it covers, wholly or in part, together hold its exact energy at every resolution. Ground: all that is
-    below the horizon, a diffuse plane of albedo `ground` under the sky and the sun.
+    Sky: each of Y, x and y is zenith F(theta, gamma) / F(0, theta_s), with
+    F(theta, gamma) = (1 + A exp(B / cos theta)) (1 + C exp(D gamma) + E cos^2 gamma); theta is the angle from the
+    zenith, gamma from the sun, theta_s the sun's theta. Sun: a uniform disc of diameter 0.533 degrees, about 1e5 times
+    as bright as the sky; the texels that it touches together hold its exact energy at every resolution. Ground:
+    everything below the horizon, a diffuse plane of albedo `ground` lit by the sky and the sun.
 
-    Colours outside Rec. 709 are clamped at zero: the blue of a sun below 2 (turbidity 2) to 9 degrees (10), and, with
-    the sun on the horizon and turbidity up to 3, of at most 5 in 10,000 directions of the sky.
+    Negative channels, of colours outside Rec. 709, are set to zero. This concerns the blue of a sun below 2 degrees
+    (turbidity 2) to 9 degrees (turbidity 10) and, if the sun is on the horizon and turbidity is at most 3, up to 5 of
+    10,000 directions of the sky.
 
-    The paper's sky is bright: with the sun in the zenith, sky and sun together give 1.01 (turbidity 2) to 1.26 (10)
-    times the light that reaches the atmosphere, and the sky alone 1.6 times the diffuse light of the IES clear sky
-    (turbidity 2, elevation 60).
+    The sky of the paper is too bright: with the sun in the zenith, sky and sun together give 1.01 (turbidity 2) to 1.26
+    (turbidity 10) times the light that reaches the atmosphere. The sky alone gives 1.6 times the diffuse light of the
+    IES clear sky (turbidity 2, elevation 60).
 
     Attributes:
-        elevation: of the sun above the horizon, in degrees.
-        azimuth: of the sun from forward (-z) to the right (+x), in degrees; by default behind the camera.
+        elevation: angle of the sun above the horizon [degrees].
+        azimuth: angle of the sun from forward (-z) to the right (+x) [degrees]; the default is behind the camera.
         turbidity: haze, from 2 (very clear) to 10 (hazy).
-        sun: factor of the sun's radiance, 0 for the sky alone.
-        ground: albedo, a scalar or RGB.
-        scale: factor of all radiance.
+        sun: factor on the radiance of the sun; 0 removes the sun.
+        ground: albedo of the ground, a scalar or RGB.
+        scale: factor on all radiance.
         resolution: texels along the edge of a face, a power of two.
 
-    Source: Preetham et al. 1999, appendices 1 and 2; weaknesses in Zotti et al. 2007. Differs: the sun's light is
-    without the bands of water vapour and oxygen, which begin at 690 nm where the eye ends.
+    Source: Preetham et al. 1999, appendices 1 and 2; weaknesses in Zotti et al. 2007. Differs: the absorption bands of
+    water vapour and oxygen are left out; they begin at 690 nm, where the eye hardly sees.
     """
 
     elevation: Annotated[float, Field(ge=0, le=90)] = 40.0
@@ -93,7 +94,7 @@ class Sky(Light):
         """The radiance itself."""
         r = self.resolution
         d = stack(texel_directions(r))
-        above = d[..., 1] > 0  # the horizon runs along edges of texels
+        above = d[..., 1] > 0  # the horizon coincides with edges of texels
         up = d[above]
         weight = texel_solid_angles(r).expand(6, r, r)[above]
         sky = sky_radiance(vec3(up), self.elevation, self.azimuth, self.turbidity)
@@ -118,7 +119,7 @@ def sky_radiance(d: Vec3, elevation: float, azimuth: float, turbidity: float) ->
         polynomials = [sum(c * theta_s**k for c, k in zip(row, (3, 2, 1, 0), strict=True)) for row in rows]
         zenith.append((polynomials[0] * turbidity + polynomials[1]) * turbidity + polynomials[2])
     sun = facing(azimuth, elevation)[0].tolist()
-    # 2 asin(chord / 2): exact for small angles, where acos is not.
+    # 2 asin(chord / 2) is exact for small angles, where acos is not.
     chord = torch.sqrt((d.x - sun[0]) ** 2 + (d.y - sun[1]) ** 2 + (d.z - sun[2]) ** 2)
     gamma = 2 * torch.asin((chord / 2).clamp(max=1))
     cos2 = torch.cos(gamma) ** 2
@@ -133,10 +134,11 @@ def sky_radiance(d: Vec3, elevation: float, azimuth: float, turbidity: float) ->
 
 
 def sun_radiance(elevation: float, turbidity: float) -> Tensor:
-    """Linear Rec. 709 radiance (3,) of the sun's disc through the atmosphere [kcd/m2], float64; elevation in degrees.
+    """Linear Rec. 709 radiance (3,) of the sun's disc seen through the atmosphere [kcd/m2], float64.
 
-    Solar radiance exp(-m (0.008735 l^-4.08 + beta l^-1.3 + 0.0035 k_ozone)): Rayleigh scattering, aerosol and 3.5 mm
-    of ozone along the optical mass m, l the wavelength in micrometres; then 683 lm/W and the CIE 1931 observer.
+    solar radiance * exp(-m (0.008735 l^-4.08 + beta l^-1.3 + 0.0035 k_ozone)): Rayleigh scattering, aerosol and 3.5 mm
+    of ozone along the optical mass m, which follows from the elevation [degrees]; l is the wavelength in micrometres.
+    683 lm/W and the CIE 1931 observer convert the spectrum to a colour.
 
     Source: Preetham et al. 1999 appendix 1.
     """
@@ -156,7 +158,7 @@ def _matching(nm: Tensor, lobes: tuple[tuple[float, float, float, float], ...]) 
 
 
 def _sun_disc(elevation: float, azimuth: float) -> Vec3:
-    """Points of the disc that are above the horizon, each of an equal part of its solid angle: a sunflower spiral."""
+    """Points of the disc above the horizon, on a sunflower spiral; all have an equal share of its solid angle."""
     i = torch.arange(_SUN_POINTS, dtype=torch.float64) + 0.5
     radius = 2 * torch.asin(torch.sqrt(i / _SUN_POINTS) * sin(SUN_RADIUS / 2))
     turn = pi * (3 - sqrt(5)) * i
@@ -166,7 +168,7 @@ def _sun_disc(elevation: float, azimuth: float) -> Vec3:
 
 
 def _add_sun(faces: Tensor, disc: Vec3, radiance: Tensor) -> None:
-    """Adds to each texel of the faces (6, R, R, 3) the part of the disc's energy whose points lie in it."""
+    """Adds the energy of the disc to the faces (6, R, R, 3); each point adds its share to the texel that it hits."""
     r = faces.shape[1]
     face, s, t, _ = face_coordinates(disc)
     column, row = (((c + 1) * r / 2).long().clamp(max=r - 1) for c in (s, t))

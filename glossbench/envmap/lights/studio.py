@@ -1,4 +1,4 @@
-"""A photographer's studio: soft boxes in a dim room, the light that products are shown under."""
+"""A photographer's studio: soft boxes in a dim room, the usual light for pictures of products."""
 
 from math import atan, cos, hypot, sqrt
 from typing import Annotated, NamedTuple, Self
@@ -15,12 +15,12 @@ from glossbench.options import Fraction, NonNegative, Radiance, Resolution
 
 
 class SoftBox(NamedTuple):
-    """A lit rectangle that faces the object, its lower edge level.
+    """A bright rectangle that faces the object; its lower edge is horizontal.
 
     Attributes:
-        azimuth: of the centre from forward (-z) to the right (+x), in degrees.
-        elevation: of the centre above the horizon, in degrees.
-        distance, width, height: in metres.
+        azimuth: angle of the centre from forward (-z) to the right (+x) [degrees].
+        elevation: angle of the centre above the horizon [degrees].
+        distance, width, height: lengths [m].
     """
 
     azimuth: float
@@ -30,7 +30,7 @@ class SoftBox(NamedTuple):
     height: float
 
     def varied(self, u: tuple[float, ...]) -> Self:
-        """The box turned by up to 20 degrees, raised by up to 10, width and height times 0.8 to 1.25; u in [-1, 1]."""
+        """The box for u in [-1, 1]: azimuth +- 20 degrees, elevation +- 10 degrees, width and height x 0.8 to 1.25."""
         return self._replace(
             azimuth=self.azimuth + 20 * u[0],
             elevation=self.elevation + 10 * u[1],
@@ -46,12 +46,12 @@ RIM = SoftBox(azimuth=-35, elevation=25, distance=2.0, width=0.3, height=1.5)
 
 @LIGHTS.register("studio")
 class Studio(Light):
-    """Soft boxes in a room: a key behind the camera to the right, a fill to its left, a rim strip beyond the object.
+    """Soft boxes in a room: a key behind the camera on its right, a fill on its left, a rim strip behind the object.
 
-    The room is L(d) = room (1 + d_y / 2), a mean of `room`; the boxes add to it. A box of width w and height h at
-    distance z subtends 4 atan(w h / (2 z sqrt(4 z^2 + w^2 + h^2))) and holds its radiance times that where
-    softness is 0; else its radiance falls as 3 x^2 - 2 x^3, x from 1 to 0, towards each edge. A texel that an edge
-    cuts holds the area in light.
+    The room is L(d) = room (1 + d_y / 2), with mean `room`; the boxes add to it. A box of width w and height h at
+    distance z subtends 4 atan(w h / (2 z sqrt(4 z^2 + w^2 + h^2))). If softness is 0, its energy is its radiance times
+    this solid angle; otherwise its radiance falls towards each edge as 3 x^2 - 2 x^3, x from 1 to 0. A texel that an
+    edge cuts is weighted by its bright area.
 
               azimuth   elevation   distance   width   height
         key     135        40         2 m      1.2 m   1.2 m
@@ -61,12 +61,12 @@ class Studio(Light):
     Attributes:
         key_light, fill_light, rim_light: radiance of each box, a scalar or RGB.
         room: mean radiance of the room.
-        softness: share of the half width and half height over which a box falls to zero.
-        seed: each number varies the boxes: up to 20 degrees about, 10 up or down, 0.8 to 1.25 times as wide and high;
-            none leaves the table.
+        softness: share of the half width and half height over which the radiance of a box falls to zero.
+        seed: a number changes the boxes at random: azimuth by up to 20 degrees, elevation by up to 10, width and height
+            by factors of 0.8 to 1.25; none keeps the table.
         resolution: texels along the edge of a face, a power of two.
 
-    All numbers are ours.
+    All numbers are our own choice.
     """
 
     key_light: Radiance = (40.0, 38.0, 35.0)
@@ -86,7 +86,7 @@ class Studio(Light):
         return CubeMap(faces, self.key())
 
     def boxes(self) -> tuple[SoftBox, ...]:
-        """Key, fill and rim as they stand with this seed."""
+        """Key, fill and rim for this seed."""
         boxes = (KEY, FILL, RIM)
         if self.seed is None:
             return boxes
@@ -95,10 +95,10 @@ class Studio(Light):
 
 
 def _add(faces: Tensor, d: Tensor, box: SoftBox, radiance: Tensor, softness: float) -> None:
-    """Adds a box to the faces (6, R, R, 3); d (6, R, R, 3) are the directions of their texels.
+    """Adds a box to the faces (6, R, R, 3); d (6, R, R, 3) holds the directions of their texels.
 
-    A plane through the origin and an edge of the box meets a face in a line: with d scaled to the face, the distance
-    to it is linear in s and t, and the area of a texel on its lit side has a closed form.
+    A plane through the origin and an edge of the box cuts a face in a line. With d scaled to the face, the distance to
+    this line is linear in s and t, and the area of a texel on its bright side has a closed form.
     """
     r = faces.shape[1]
     toward, right, up = facing(box.azimuth, box.elevation)

@@ -1,4 +1,4 @@
-"""Embedded lights: radiance by formula, so that a study needs no file and a test has a known answer."""
+"""Embedded lights: radiance by formula, so that studies do not need files and tests have known answers."""
 
 from math import cos, pi, radians
 from typing import Annotated
@@ -15,7 +15,7 @@ from glossbench.options import NonNegative, Radiance, Resolution, Seed
 
 @LIGHTS.register("constant")
 class Constant(Light):
-    """L(d) = radiance: a furnace; every material returns its albedo.
+    """L(d) = radiance: a furnace; every material reflects its albedo times this radiance.
 
     Attributes:
         radiance: a scalar or RGB.
@@ -38,7 +38,7 @@ class Gradient(Light):
     Its irradiance is known: E_c(n) = radiance pi / 2 (1 + 2 n_c / 3).
 
     Attributes:
-        radiance: the largest value.
+        radiance: the largest value of a channel.
         resolution: texels along the edge of a face, a power of two.
     """
 
@@ -52,11 +52,11 @@ class Gradient(Light):
 
 @LIGHTS.register("texel")
 class SingleTexel(Light):
-    """One lit texel, all else black: the hardest light, and the shape of a method's kernel.
+    """One bright texel, all others black: the most difficult light; it shows the shape of a method's kernel.
 
     Attributes:
         face, row, column: the texel (see cubemap); by default near the centre of the face +z, behind the camera.
-        radiance: of the texel, a scalar or RGB.
+        radiance: radiance of the texel, a scalar or RGB.
         resolution: texels along the edge of a face, a power of two.
     """
 
@@ -76,13 +76,13 @@ class SingleTexel(Light):
         return CubeMap(faces, self.key())
 
 
-# Of the faces +x, -x, +y, -y, +z, -z.
+# Colours of the faces +x, -x, +y, -y, +z, -z.
 ORIENTATION_COLORS = ((1, 0, 0), (0, 1, 1), (0, 1, 0), (1, 0, 1), (0, 0, 1), (1, 1, 0))
 
 
 @LIGHTS.register("orientation")
 class Orientation(Light):
-    """One colour a face: +x red, -x cyan, +y green, -y magenta, +z blue, -z yellow; the top left quarter is doubled.
+    """One colour per face: +x red, -x cyan, +y green, -y magenta, +z blue, -z yellow; top left quarters are doubled.
 
     Attributes:
         resolution: texels along the edge of a face, a power of two.
@@ -102,14 +102,14 @@ class Orientation(Light):
 class Spots(Light):
     """Small bright discs on a dim sky: the test map of regular sampling, "tiny bright spots with 2 - 10 degrees".
 
-    Diameters are uniform in [2, 10] degrees, intensities log-uniform in [0.01, 1] of `contrast`, directions uniform,
-    colours mild tints; the sky runs from 0.5 (down) to 1.5 (up). Discs overlap by their maximum. An edge is as wide
-    as a texel.
+    Diameters are uniform in [2, 10] degrees, intensities log-uniform in [0.01, 1] times `contrast`, directions uniform,
+    colours mild tints; the sky changes from 0.5 (down) to 1.5 (up). Where discs overlap, the maximum counts. Their
+    edges are one texel wide.
 
     Attributes:
-        seed: of the generator that places the spots.
-        n_spots: how many.
-        contrast: largest intensity over the sky's mean of 1.
+        seed: seed of the generator that places the spots.
+        n_spots: number of spots.
+        contrast: largest intensity; the mean of the sky is 1.
         resolution: texels along the edge of a face, a power of two.
 
     Source: Luksch et al. 2014 section 8 (sizes, 1 : 3000 and 1024); number, colours and sky are ours.
@@ -136,7 +136,7 @@ class Spots(Light):
             cosines = d @ centres.T
             for spot, (centre, radius, color) in enumerate(zip(centres, radii.tolist(), colors, strict=True)):
                 near = cosines[..., spot] > cos(radius + 2 * texel)
-                chord = (d[near] - centre).norm(dim=-1)  # 2 sin(angle / 2): exact for small angles, where acos is not
+                chord = (d[near] - centre).norm(dim=-1)  # 2 sin(angle / 2) is exact for small angles, acos is not
                 coverage = ((radius - 2 * torch.asin(chord / 2)) / texel + 0.5).clamp(0, 1)
                 radiance[near] = torch.maximum(radiance[near], coverage[:, None] * color)
             faces.append(radiance)

@@ -1,4 +1,4 @@
-"""How images cover the sphere of directions, and the way from one to another.
+"""How images cover the sphere of directions, and the conversion between them and cube maps.
 
 It imports cubemap.py and the loose files.
 """

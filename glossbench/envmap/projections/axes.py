@@ -1,15 +1,15 @@
-"""Axis conventions of other programs: where their images of the whole sphere have what, in this project's world.
+"""Axis conventions of other programs: the directions, in this project's world, that their images show.
 
-A convention is, for each projection that its program has, the world's directions at three places of the image as
-`projections` lays it out: at its right, at its top, and behind it. They are a signed permutation of the axes, which
-moves the texels of a cube exactly. A program's own world is brought into this one (+y up, right-handed, forward -z)
-so that up stays up and nothing is mirrored; which way is forward follows the table.
+A convention states, for each projection of its program, three directions of the world: to the right of the image, above
+it and behind it, in the layout of the module conversion. They are a signed permutation of the axes, which moves texels
+of a cube exactly. A program's own world is mapped to this one (+y up, right-handed, forward -z) so that up stays up and
+nothing is mirrored; the table states which direction becomes forward.
 
     axes        its world, here                      its images
     forward     this project's                       -z in the centre, +x right of it
     opengl      the same                             cube: the face that a texture lookup with the world's direction
-                                                     reads, so seen from within each face is mirrored
-    directx     (x, y, -z): left-handed              cube: +Z is forward; faces as seen from within
+                                                     reads; seen from inside, each face is mirrored
+    directx     (x, y, -z): left-handed              cube: +Z is forward; faces are seen from inside
     mitsuba     the same                             lat_long: +z in the centre, -x right of it
     blender     (x, z, -y): its +z is up             lat_long: its +x in the centre, its -y right of it
     pbrt        (x, z, y): left-handed, +z up        lat_long (versions 2 and 3): its -x in the centre, its -y right;
@@ -17,9 +17,9 @@ so that up stays up and nothing is mirrored; which way is forward follows the ta
                                                      +x right of it, +y below it
     nvdiffrec   the same                             lat_long: as forward; cube: as opengl
 
-Pictures of the six sides of a room (posx.jpg, negx.jpg, ...; the RenderMan convention) look right as they are: they
-are directx. Mitsuba puts the poles at the centres of the first and the last row, here they are at its edges: half a
-row apart at the poles, nothing at the horizon.
+Pictures of the six sides of a room (posx.jpg, negx.jpg, ...; the RenderMan convention), which look right to a viewer in
+the room, are directx. Mitsuba has the poles at the centres of the first and the last row; here they are at the edges.
+The difference is half a row at the poles and nothing at the horizon.
 
 Source: opengl, OpenGL 4.6 specification table 8.19; directx, Microsoft "Cubic Environment Mapping"; mitsuba,
 mitsuba3 src/emitters/envmap.cpp, direction_to_uv; blender, Cycles kernel/camera/projection.h,
@@ -43,7 +43,7 @@ def _of_cubes(directions: str) -> dict[str, str]:
     return dict.fromkeys(("vertical_cross", "horizontal_cross", "strip"), directions)
 
 
-# By projection: the world's directions to the right of the image, above it and behind it.
+# The world's directions to the right of the image, above it and behind it, by projection.
 _CONVENTIONS: dict[str, dict[str, str]] = {
     "opengl": _of_cubes("+x +y -z"),
     "directx": _of_cubes("+x +y +z"),
@@ -55,10 +55,10 @@ _CONVENTIONS: dict[str, dict[str, str]] = {
 
 
 def permutation(axes: str, projection: str) -> Tensor:
-    """(3, 3) of -1, 0 and 1: world direction -> (right, up, backward) in the image.
+    """Matrix (3, 3) of -1, 0 and 1 that maps a direction of the world to (right, up, backward) in the image.
 
     Raises:
-        InputError: no such convention, or it has no such projection.
+        InputError: the convention is unknown, or does not have this projection.
     """
     if axes == "forward":
         return torch.eye(3)
@@ -76,7 +76,7 @@ def permutation(axes: str, projection: str) -> Tensor:
 
 
 def turned(faces: Tensor, matrix: Tensor) -> Tensor:
-    """Faces (6, R, R, C) whose texel in direction d is the given one in direction matrix d; texels are moved whole."""
+    """Faces (6, R, R, C) whose texel in direction d is the given texel in direction matrix d, without interpolation."""
     if torch.equal(matrix, torch.eye(3)):
         return faces
     r = faces.shape[1]

@@ -1,24 +1,24 @@
-"""Projections: an image of the whole sphere, as light files hold it, to a cube map, and back.
+"""Projections: converts images of the whole sphere, the content of light files, to cube maps, and back.
 
-Every image is as a camera at the origin sees it: forward (-z) in the centre, +x right of it, +y above it. Files of
-other programs differ by a turn of the axes (see `axes`).
+Every image is seen by a camera at the origin: forward (-z) in the centre, +x right of it, +y above it. Files of other
+programs differ by a rotation of the axes (see the module axes).
 
     projection             width : height   pixel -> direction
     lat_long               2 : 1            columns are longitude, backward to backward; rows the angle from +y
     angular                1 : 1            a light probe: radius = angle from forward / pi; no light outside
     vertical_cross         3 : 4            . +y . / -x -z +x / . -y . / . +z .   with +z rotated by 180 degrees
     horizontal_cross       4 : 3            . +y . . / -x -z +x +z / . -y . .
-    strip                  6 : 1 or 1 : 6   +x -x +y -y -z +z, each as seen from within: the sides of a cube as
-                                            left-handed programs number them
+    strip                  6 : 1 or 1 : 6   +x -x +y -y -z +z, each seen from inside: the order of faces in
+                                            left-handed programs
     dual_paraboloid        2 : 1            two discs that touch their squares: (x, y) / (1 + |z|) forward, and
                                             (-x, y) / (1 + |z|) backward; no light outside
     octahedral             1 : 1            (x, y) / (|x| + |y| + |z|) forward, in the square's inner diamond;
                                             backward folded over its sides, so that +z is in all four corners
-    octahedral_equal_area  1 : 1            the same shape, each pixel of the same solid angle
-    openexr_cube           1 : 6            +x -x +y -y +z -z downward as OpenEXR's `envmap` has them: a right-handed
-                                            world, samples on the very edges of each face; read, not written
+    octahedral_equal_area  1 : 1            the same shape; all pixels have the same solid angle
+    openexr_cube           1 : 6            +x -x +y -y +z -z downward, as in OpenEXR's `envmap`: a right-handed
+                                            world, the outer samples lie on the edges of each face; read, not written
 
-Where two have one shape the first is meant unless the other is named.
+If two projections have the same shape, the first one is the default.
 
 Source: octahedral, Engelhardt and Dachsbacher 2008, Cigolle et al. 2014; octahedral_equal_area, Clarberg 2008, as in
 pbrt-v4; dual_paraboloid, Heidrich and Seidel 1998 with scale 1; angular, Debevec 1998; openexr_cube,
@@ -63,15 +63,15 @@ _UNFOLDED = {
     "horizontal_cross": ((1, 2), (1, 0), (0, 1), (2, 1), (1, 3), (1, 1)),
     "strip": ((0, 0), (0, 1), (0, 2), (0, 3), (0, 5), (0, 4)),
 }
-_NEAR = 0.1  # of width / height to 2, where an image is still taken for latitude and longitude
-# Columns and rows for each texel along the edge of a cube map.
+_NEAR = 0.1  # largest difference of width / height from 2 for which an image is taken as lat_long
+# Columns and rows of an image per texel along the edge of a cube map.
 _SIZE = {"vertical_cross": (3, 4), "horizontal_cross": (4, 3), "strip": (6, 1), "openexr_cube": (1, 6)} | {
     name: (layout.columns, layout.rows) for name, layout in LAYOUTS.items()
 }
 
 
 def guess_projection(height: int, width: int) -> Projection:
-    """The first projection whose shape is height x width, lat_long within 5 % of it; InputError if there is none."""
+    """The first projection with this shape (lat_long within 5 %); InputError if there is none."""
     for projection in get_args(Projection):
         if fits(projection, height, width):
             return projection
@@ -80,7 +80,7 @@ def guess_projection(height: int, width: int) -> Projection:
 
 
 def unusual_shape(projection: str, height: int, width: int) -> tuple[str, ...]:
-    """A note where an image of latitude and longitude is not twice as wide as high."""
+    """A note if a lat_long image is not twice as wide as high."""
     if projection != "lat_long" or width == 2 * height:
         return ()
     return (f"taken as lat_long, though {width} x {height} pixels are not 2 : 1",)
@@ -94,24 +94,24 @@ def to_cubemap(
     key: str = "",
     axes: str = "forward",
 ) -> CubeMap:
-    """The cube map of an image (H, W, 3) of the whole sphere; its energy is kept.
+    """Converts an image (H, W, 3) of the whole sphere to a cube map with the same energy.
 
-    texel = integral of L dw over the texel / its solid angle, L bilinear between the pixels. Pixels smaller
-    than half a texel are first averaged by 2 x 2, of odd sizes by a little more, weighted by solid angle. A cross or
-    strip whose faces are the asked resolution times a power of two is never interpolated: its texels are such averages,
-    or copies. In a lat-long image the pixels near a pole, narrower than high, are first averaged along their row.
+    texel = integral of L dw over the texel / its solid angle, L bilinear between the pixels. Pixels smaller than half a
+    texel are first averaged by 2 x 2 (a little more for odd sizes), weighted by solid angle. If the faces of a cross or
+    strip have the wanted resolution times a power of two, they are not interpolated: texels are such averages or
+    copies. In a lat_long image pixels near a pole, which are narrower than high, are first averaged along their row.
 
     Args:
-        projection: by default guessed from the shape.
-        resolution: R, a power of two of at least 2; by default the one nearest to what the image resolves:
-            the size of a face of a cross or strip, H / 4 of an angular map, H / 2 of all else.
-        flip_vertical: for files that begin with the bottom row.
-        key: what the light is, kept in the cube map.
-        axes: whose axis convention the image follows (see `axes`).
+        projection: by default recognised from the shape.
+        resolution: R, a power of two of at least 2; by default the one nearest to the image's own resolution: the size
+            of a face of a cross or strip, H / 4 for an angular map, H / 2 for the others.
+        flip_vertical: whether the file begins with the bottom row.
+        key: identifies the light; the cube map keeps it.
+        axes: the axis convention of the image (see the module axes).
 
     Raises:
-        InputError: no known projection, a shape that does not fit it (lat_long takes any), axes that say nothing of
-            it, or a resolution not a power of two.
+        InputError: the projection is unknown, the shape does not fit it (lat_long accepts every shape), the axes do not
+            have it, or the resolution is not a power of two.
     """
     if image.dim() != 3 or image.shape[2] != 3:
         raise InputError(f"a light needs an image (H, W, 3), got {tuple(image.shape)}")
@@ -141,21 +141,21 @@ def to_cubemap(
 
 
 def from_cubemap(cubemap: CubeMap, projection: Written, resolution: int | None = None, axes: str = "forward") -> Tensor:
-    """The image (H, W, 3) of a cube map in a projection: the inverse of `to_cubemap`, its energy kept.
+    """Converts a cube map to an image (H, W, 3) of a projection with the same energy: the inverse of `to_cubemap`.
 
-    pixel = integral of L dw over the pixel / its solid angle, L bilinear between the texels; a cross or strip of the
-    cube's own resolution holds its texels, a smaller one their averages. Black where a pixel shows no direction: the
-    empty places of a cross, outside a disc.
+    pixel = integral of L dw over the pixel / its solid angle, L bilinear between the texels. A cross or strip of the
+    cube's own resolution holds its texels, a smaller one their averages. Pixels that show no direction are black: the
+    empty parts of a cross, the outside of a disc.
 
-    There and back the mean stays within 0.05 % for a photographed light, 2.5 % for one lit texel (5 % at the rim of
-    an angular map); a cross or strip of the cube's own resolution comes back bit for bit.
+    After conversion and back the mean is within 0.05 % for a photographed light, 2.5 % for one bright texel (5 % at the
+    rim of an angular map); a cross or strip of the cube's own resolution comes back bit for bit.
 
     Args:
         resolution: texels along the edge of a cube map as fine as the image, a power of two; by default the cube's.
-        axes: whose axis convention the image shall follow (see `axes`).
+        axes: the axis convention of the image (see the module axes).
 
     Raises:
-        InputError: as `check_written`, or a resolution not a power of two.
+        InputError: as `check_written`, or the resolution is not a power of two.
     """
     check_written(projection, axes)
     matrix = permutation(axes, projection)
@@ -175,7 +175,7 @@ def _shape(projection: str) -> str:
 
 
 def fits(projection: str, height: int, width: int) -> bool:
-    """Whether it is a projection, and an image of this shape is taken for it: lat_long within 5 % of 2 : 1."""
+    """Whether an image of this shape can have a projection (lat_long within 5 % of 2 : 1); False if it is unknown."""
     if projection not in _SIZE:
         return False
     if projection == "lat_long":
@@ -192,7 +192,7 @@ def _check_projection(projection: str) -> None:
 
 
 def check_written(projection: str, axes: str) -> None:
-    """InputError for a projection that is unknown or not written, or of which the axes say nothing."""
+    """Raises InputError if a projection is unknown, cannot be written, or is not in the axis convention."""
     _check_projection(projection)
     if projection not in get_args(Written):
         raise InputError(f"{projection} is read, not written; write one of {', '.join(get_args(Written))}")

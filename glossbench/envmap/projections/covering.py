@@ -1,4 +1,4 @@
-"""How an image covers the sphere: what is stated, what its file says, what its shape means."""
+"""How an image covers the sphere: by the options, by its file, or by its shape."""
 
 from typing import NamedTuple, cast
 
@@ -7,7 +7,7 @@ from glossbench.envmap.projections.conversion import Projection, fits, guess_pro
 
 
 class Covered(NamedTuple):
-    """The projection and the axes of an image, and what to note of the choice."""
+    """The projection and the axes of an image, and notes about the choice."""
 
     projection: Projection
     axes: str
@@ -15,12 +15,12 @@ class Covered(NamedTuple):
 
 
 def covered(said: Covering | None, projection: Projection | None, axes: str | None, height: int, width: int) -> Covered:
-    """What is stated wins over what the file says, and this over the shape and the axes `forward`.
+    """Options come first, then what the file states, then the shape and the axes `forward`.
 
-    The axes that a file says are those of its projection: where another is stated they are left out.
+    The axes that a file states belong to its projection: if the options state another projection, they are ignored.
 
     Raises:
-        InputError: nothing stated or said, and no projection of this shape.
+        InputError: neither the options nor the file state a projection, and none has this shape.
     """
     notes = []
     if said is not None and not fits(said.projection, height, width):

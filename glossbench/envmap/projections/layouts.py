@@ -1,7 +1,7 @@
-"""Layouts: how the directions of the whole sphere lie in one image, other than as the faces of a cube.
+"""Layouts: maps of all directions to one image, except those that consist of the faces of a cube.
 
-Each is a map from the unit square (u to the right, v down) to directions and its inverse. An image has forward (-z)
-in its centre, +x right of it and +y above it, as a camera at the origin sees it.
+Each is a map from the unit square (u to the right, v down) to directions, and its inverse. An image is seen by a camera
+at the origin: forward (-z) in its centre, +x right of it and +y above it.
 """
 
 from collections.abc import Callable
@@ -18,11 +18,11 @@ class Layout(NamedTuple):
     """One projection.
 
     Attributes:
-        columns, rows: pixels of the image for each texel along the edge of a cube map that resolves as much.
+        columns, rows: pixels of the image per texel along the edge of an equally fine cube map.
         direction: (u, v) -> unit direction and solid angle per unit of area [sr], 0 where no direction is shown.
         place: unit direction -> (u, v).
-        margin: image -> the image with a border of one pixel, and with all that `direction` leaves dark filled, so
-            that it can be interpolated everywhere.
+        margin: image -> image with a border of one pixel, in which pixels that show no direction are filled, so that it
+            can be interpolated everywhere.
     """
 
     columns: int
@@ -43,7 +43,7 @@ def _edges_repeated(image: Tensor) -> Tensor:
     return torch.cat([rows[:, :1], rows, rows[:, -1:]], dim=1)
 
 
-# Latitude and longitude: columns are longitude, backward to backward, rows the angle from +y.
+# Latitude and longitude: columns are longitude, from backward to backward; rows are the angle from +y.
 
 
 def _lat_long_direction(u: Tensor, v: Tensor) -> tuple[Vec3, Tensor]:
@@ -59,9 +59,9 @@ def _lat_long_place(d: Vec3) -> tuple[Tensor, Tensor]:
 
 
 def _lat_long_margin(image: Tensor) -> Tensor:
-    """Columns wrap round; beyond a pole lies the row of the opposite longitude.
+    """Columns wrap around; beyond a pole lies the row of the opposite longitude.
 
-    Bilinear rows weigh a pixel by its solid angle, but those at the poles themselves by 1/12 too much.
+    Bilinear rows weight a pixel by its solid angle, but a pixel at a pole by 1/12 too much.
     """
     height, width = image.shape[:2]
     out = image.new_empty(height + 2, width + 2, 3)
@@ -74,23 +74,23 @@ def _lat_long_margin(image: Tensor) -> Tensor:
 
 
 def widen_near_poles(image: Tensor) -> None:
-    """Make each pixel a tent along its row, of half width 1 / sin(theta) (at 2 : 1): as wide as bilinear rows are high.
+    """Makes each pixel a tent along its row with half width 1 / sin(theta) (at 2 : 1), the height of bilinear rows.
 
-    Without it a lamp in one pixel near a pole falls between the directions at which the image is sampled, or on one
-    of them and counts for many. The mean of a row, and so its energy, stays.
+    Without it, a lamp of one pixel near a pole lies between the directions at which the image is sampled, or on one of
+    them, where it counts too much. The mean of a row, and so its energy, does not change.
     """
     height, width = image.shape[:2]
     sin = torch.sin((torch.arange(height, dtype=torch.float64) + 0.5) / height * pi)
     half_widths = ((width / (2 * height) / sin - 1) / 2).round().clamp(min=0).long()
     column = torch.arange(width)[None, :] + width
-    for near in half_widths.nonzero()[:, 0].split(64):  # rows at a time, for the memory
+    for near in half_widths.nonzero()[:, 0].split(64):  # 64 rows at a time, to bound the memory
         half = half_widths[near, None]
         row = torch.arange(len(near))[:, None]
         wide = image[near].double()
         for _ in range(2):  # a box twice is a tent
             total = torch.cat([wide] * 3, dim=1).cumsum(1)
             wide = (total[row, column + half] - total[row, column - half - 1]) / (2 * half + 1)[:, :, None]
-        # Differences of sums leave a rounding error, which must not turn black into negative.
+        # Differences of sums have rounding errors, which must not make black negative.
         image[near] = wide.clamp(min=0).float()
 
 
@@ -112,20 +112,20 @@ def _angular_place(d: Vec3) -> tuple[Tensor, Tensor]:
 
 
 def _angular_margin(image: Tensor) -> Tensor:
-    """The disc continued beyond its rim, which is a single direction: backward."""
+    """The disc, continued beyond its rim, which is a single direction: backward."""
     size = image.shape[0]
     centre = (torch.arange(size, dtype=torch.float64) * 2 + 1) / size - 1
     x, y = centre[None, :], centre[:, None]
     r = torch.hypot(x, y)
-    # Radius 1 + e continues on the far side of backward at radius 1 - e, so nothing dark bleeds into the rim.
-    # A pixel's half diagonal short of the rim, or the pixel met could itself be an outer one.
+    # Radius 1 + e continues on the far side of backward, at radius 1 - e: black pixels do not darken the rim.
+    # The radius read is at most half a pixel's diagonal below the rim; otherwise the pixel could itself be outside.
     mirrored = torch.where(r > 1, -(2 - r).clamp(max=1 - 1.5 / size) / r, 1.0)
     column, row = (((c * mirrored + 1) * size / 2).long().clamp(0, size - 1) for c in (x, y))
     return _edges_repeated(image[row, column])
 
 
-# Two paraboloids of scale 1, side by side: a disc that touches its square for the half of the sphere in front, one
-# for the half behind, seen by a camera that turned round; they touch in the direction +x.
+# Two paraboloids of scale 1, left and right: a disc that touches its square for the front half of the sphere, and one
+# for the back half, seen by a camera that has turned around; they touch in the direction +x.
 
 
 def _paraboloid_direction(u: Tensor, v: Tensor) -> tuple[Vec3, Tensor]:
@@ -145,12 +145,12 @@ def _paraboloid_place(d: Vec3) -> tuple[Tensor, Tensor]:
 
 
 def _paraboloid_margin(image: Tensor) -> Tensor:
-    """Beyond its rim each disc shows what the other one has there."""
+    """Beyond its rim each disc continues with the other disc."""
     size = image.shape[0]
     centre = (torch.arange(size, dtype=torch.float64) * 2 + 1) / size - 1
     x, y = centre[None, :], centre[:, None]
     r = torch.hypot(x, y)
-    # Radius r continues at radius 1 / r of the other disc, mirrored; short of its rim, as in the angular map.
+    # Radius r continues at radius 1 / r of the other disc, mirrored, and below its rim as in the angular map.
     beyond = (1 / r).clamp(max=1 - 1.5 / size) / r
     column, row = (((c * beyond + 1) * size / 2).long().clamp(0, size - 1) for c in (-x, y))
     front, behind = image[:, :size], image[:, size:]
@@ -188,7 +188,7 @@ def _equal_area_direction(u: Tensor, v: Tensor) -> tuple[Vec3, Tensor]:
 
 def _equal_area_place(d: Vec3) -> tuple[Tensor, Tensor]:
     sin2 = d.x * d.x + d.y * d.y
-    # 1 - |z| without the digits lost where |z| is near 1.
+    # 1 - |z| in a form that does not lose digits if |z| is near 1.
     r = torch.sqrt(sin2 / (1 + d.z.abs()))
     along_y = r * torch.atan2(d.y.abs(), d.x.abs()) * (2 / pi)
     x, y = torch.copysign(r - along_y, d.x), torch.copysign(along_y, d.y)
@@ -197,13 +197,13 @@ def _equal_area_place(d: Vec3) -> tuple[Tensor, Tensor]:
 
 
 def _folded(x: Tensor, y: Tensor, fold: Tensor) -> tuple[Tensor, Tensor]:
-    """The triangle of each quadrant beyond the diagonal |x| + |y| = 1, folded over it; its own inverse."""
+    """Folds the triangle of each quadrant over the diagonal |x| + |y| = 1; the map is its own inverse."""
     over_x, over_y = torch.copysign(1 - y.abs(), x), torch.copysign(1 - x.abs(), y)
     return torch.where(fold, over_x, x), torch.where(fold, over_y, y)
 
 
 def _octahedral_margin(image: Tensor) -> Tensor:
-    """Beyond an edge lies the same edge, read backward."""
+    """The pixels beyond an edge are those of the same edge in reverse order."""
     rows = torch.cat([image[:1].flip(1), image, image[-1:].flip(1)])
     return torch.cat([rows[:, :1].flip(0), rows, rows[:, -1:].flip(0)], dim=1)
 

@@ -1,4 +1,4 @@
-"""Resampling by solid angle: images halved, and a bilinear source averaged over the texels or pixels of another."""
+"""Resampling by solid angle: halves images, and averages a bilinear source over texels or pixels of another image."""
 
 from collections.abc import Callable
 
@@ -10,15 +10,15 @@ from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import bordered, face_coordinates, face_directions, texel_solid_angles
 from glossbench.envmap.projections.layouts import Layout
 
-# The place of a direction in a source image (H, W, 3): (column, row) in pixels, centres at half-integers.
+# From a direction to its position in a source image (H, W, 3): (column, row) in pixels, centres at half-integers.
 Locate = Callable[[Vec3], tuple[Tensor, Tensor]]
 
-_DIRECTIONS = 2**17  # at a time: bounds the memory, and is faster than more, whose arrays leave the cache
-_FINE = 1024  # texels along an edge, up to which time is no question
+_DIRECTIONS = 2**17  # at a time: bounds the memory; more are slower, because their arrays do not fit into the cache
+_FINE = 1024  # texels along an edge: up to this resolution time does not matter
 
 
 def cube_source(faces: Tensor) -> tuple[Tensor, Locate]:
-    """Bordered faces, one above the other."""
+    """The faces with borders, one above the other."""
     size = faces.shape[1]
 
     def locate(d: Vec3) -> tuple[Tensor, Tensor]:
@@ -51,12 +51,12 @@ def layout_source(image: Tensor, layout: Layout) -> tuple[Tensor, Locate]:
 
 
 def to_faces(source: Tensor, locate: Locate, resolved: float, resolution: int) -> Tensor:
-    """Faces (6, R, R, 3): means of the bilinear source over k x k directions a texel, by solid angle.
+    """Faces (6, R, R, 3): means of the bilinear source over k x k directions per texel, by solid angle.
 
     resolved: texels along the edge of a cube map as fine as the source.
     """
-    # Directions along a pixel: a lamp of one pixel is then right within 1 % (4 leave 2 to 3 %). With all of 2048 texels
-    # along an edge six would be 900 million, and take minutes.
+    # Six directions along a pixel reproduce a lamp of one pixel within 1 %, four within 2 to 3 %. For 2048 texels along
+    # an edge six would need 900 million directions and take minutes.
     k = max(2, round((6 if resolution <= _FINE else 4) * resolved / resolution))
     n = resolution * k
     s = (torch.arange(n, dtype=torch.float64) * 2 + 1) / n - 1
@@ -77,7 +77,7 @@ def to_faces(source: Tensor, locate: Locate, resolved: float, resolution: int) -
 
 
 def to_layout(source: Tensor, locate: Locate, resolved: float, layout: Layout, resolution: int) -> Tensor:
-    """The image (H, W, 3) of a layout: means as in `to_faces`; 0 where a pixel shows no direction."""
+    """The image (H, W, 3) of a layout: means as in `to_faces`; pixels that show no direction are 0."""
     k = max(2, round(4 * resolved / resolution))
     height, width = layout.rows * resolution, layout.columns * resolution
     u = (torch.arange(width * k, dtype=torch.float64) + 0.5) / (width * k)
@@ -95,7 +95,7 @@ def to_layout(source: Tensor, locate: Locate, resolved: float, layout: Layout, r
 
 
 def resized(faces: Tensor, resolution: int) -> Tensor:
-    """Faces at another resolution: texels averaged by 2 x 2 as often as that fits, else also interpolated."""
+    """Faces at another resolution: averages of 2 x 2 texels, and interpolation if these do not lead to it."""
     size = faces.shape[1]
     exact = size % resolution == 0 and (size // resolution).bit_count() == 1
     while size > (resolution if exact else 2 * resolution):
@@ -104,10 +104,10 @@ def resized(faces: Tensor, resolution: int) -> Tensor:
 
 
 def halved(images: Tensor, weight: Tensor) -> Tensor:
-    """Means (N, H // 2, W // 2, 3) over 2 x 2 pixels of images (N, H, W, 3) by weight (H, W).
+    """Means (N, H // 2, W // 2, 3) over 2 x 2 pixels of images (N, H, W, 3), weighted by (H, W).
 
-    Of an odd H over bins of H / (H // 2) pixels, so much of each as lies in the bin; where W is a multiple of H, as of
-    two discs side by side, it stays that multiple.
+    For an odd H the means are over bins of H / (H // 2) pixels; a pixel counts with its share in the bin. If W is a
+    multiple of H, as for two discs, it stays this multiple.
     """
     n, height, width, _ = images.shape
     w = weight.float()[None, :, :, None]
@@ -122,7 +122,7 @@ def halved(images: Tensor, weight: Tensor) -> Tensor:
 
 
 def _binned(x: Tensor, n_bins: int, dim: int) -> Tensor:
-    """Sums over equal bins along a dimension, each of two neighbours or three, those on its edges in part."""
+    """Sums over equal bins along a dimension; a bin covers two or three pixels, those at its edges partly."""
     size = x.shape[dim] / n_bins
     shape = [-1 if d == dim else 1 for d in range(x.dim())]
     start = torch.arange(n_bins, dtype=torch.float64) * size
@@ -136,7 +136,7 @@ def _binned(x: Tensor, n_bins: int, dim: int) -> Tensor:
 
 
 def bilinear(images: Tensor, column: Tensor, row: Tensor) -> Tensor:
-    """Images (N, H, W, 3) between pixel centres, at places (N, h, w) in pixels: (N, h, w, 3)."""
+    """Bilinear values (N, h, w, 3) of images (N, H, W, 3) at positions (N, h, w) in pixels."""
     height, width = images.shape[1:3]
     grid = torch.stack([column * (2 / width) - 1, row * (2 / height) - 1], dim=-1)
     planes = images.permute(0, 3, 1, 2)

@@ -1,4 +1,4 @@
-"""Which level of a filtered cube stands for the lobe cos^s: found by the volume of what one lit texel becomes."""
+"""The level of a filtered cube that shows the lobe cos^s: one lit texel, filtered, has the same volume there."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,13 +18,13 @@ from glossbench.prefilter.cosine_lobes.pyramid import LobeFilter, PartialMaps, b
 Volume = Literal["radial_plot", "solid_angle"]
 Places = Literal["sphere", "centre"]
 
-N_CUBES = 8  # three lit texels each, one a channel
+N_CUBES = 8  # with three lit texels each, one per channel
 N_ANGLES, N_AZIMUTHS = 129, 4
 STEPS = 16  # between two levels
-REACH = 6.0  # texels of the coarser level: beyond them a lobe is black or the whole sphere
-# Cubes that are calibrated themselves; others as the nearest of these, see `_of_finer`.
+REACH = 6.0  # texels of the coarser level; beyond this distance a lobe is black, or the whole sphere is reached
+# Cubes of these sizes and between are calibrated directly; other sizes use the nearest of them, see `_of_finer`.
 FINEST, COARSEST = 256, 16
-# At this level a lobe no longer shows the texels of level 0 nor yet feels the sphere: the next is twice as wide.
+# At this level neither the texels of level 0 nor the curvature of the sphere affect a lobe: the next is twice as wide.
 # Measured, 512^2 from 256^2: levels off by up to 0.007 (sqrt_cosine, solid_angle), 0.014 (none, radial_plot).
 ALIKE = 3
 
@@ -34,9 +34,9 @@ class LobeLevels:
     """Exponents along the levels of a cube, from fine to coarse.
 
     Attributes:
-        levels: (T,), 16 between two whole ones.
-        exponents: s of the lobe cos^s that has the volume of the lobe at that level, falling, (T,).
-        errors: what is left between the two once their volumes are equal, over that volume, (T,).
+        levels: (T,), with 16 steps between two whole levels.
+        exponents: exponent s for which cos^s has the same volume as the lobe at that level, falling, (T,).
+        errors: the difference between both lobes of equal volume, relative to that volume, (T,).
     """
 
     levels: NDArray[np.float64]
@@ -44,34 +44,35 @@ class LobeLevels:
     errors: NDArray[np.float64]
 
     def level(self, s: float) -> float:
-        """The level of an exponent: 0 from the finest lobe on, and the widest for what is wider than any."""
+        """The level of an exponent: 0 for the finest lobe and all finer ones, the last for lobes wider than any."""
         return max(0.0, float(np.interp(-np.log1p(s), -np.log1p(self.exponents), self.levels)))
 
     def error(self, s: float) -> float:
-        """The difference of both lobes over their volume at an exponent."""
+        """The difference between both lobes at an exponent, relative to their volume."""
         return float(np.interp(-np.log1p(s), -np.log1p(self.exponents), self.errors))
 
 
 def calibrate(
     resolution: int, mip_filter: LobeFilter, volume: Volume = "solid_angle", places: Places = "centre"
 ) -> LobeLevels:
-    """Levels of a cube of R texels an edge for every exponent.
+    """Levels of a cube of R texels per edge for every exponent.
 
-    K_l(theta) is the mean radiance at level l at an angle theta from a lit texel of unit flux, over 24 texels, so over
-    the places of a texel among the coarser ones; between levels it is linear, as the lookup is. The lobe is
-    rho(theta) = K(theta) / K(0). Volumes, and those of cos^s:
+    K_l(theta) is the radiance at level l at an angle theta from a lit texel of unit flux. It is the mean over 24 lit
+    texels, which lie at different places relative to coarser texels. Between levels it is linear, as the lookup is. The
+    lobe is rho(theta) = K(theta) / K(0). Volumes of the lobe, and of cos^s:
 
         solid_angle   integral of rho dw: 2 pi / (s + 1)
         radial_plot   1/3 integral of rho^3 dw, the volume of the solid of radius rho: 2 pi / (3 (3 s + 1))
 
-    The error is the same integral of |rho^p - cos^(p s)| over that of cos^(p s), p = 3 or 1.
+    The error is the integral of |rho^p - cos^(p s)| over the integral of cos^(p s), p = 1 for solid_angle and 3 for
+    radial_plot.
 
     Args:
-        places: where the lit texels lie: in the middle quarter of a face, or all over the sphere.
+        places: places of the lit texels: in the middle quarter of a face, or all over the sphere.
 
-    Source: Knuth et al. 2014, section 5, which does not say which volume, where the texel lies, or how a difference is
-    measured. Of what was tried solid_angle comes nearest to the true convolution of lights, radial_plot to the paper's
-    errors (docs/decisions/009).
+    Source: Knuth et al. 2014, section 5, which does not specify the volume, the place of the texel, or the measure of a
+    difference. Among the tested choices, solid_angle is nearest to the true convolution of lights, and radial_plot is
+    nearest to the errors in the paper (docs/decisions/009).
     """
     at = min(max(resolution, COARSEST), FINEST)
     shift = int(log2(resolution / at))
@@ -86,7 +87,7 @@ def match_levels(
     edges: NDArray[Any],
     volume: Volume,
 ) -> LobeLevels:
-    """Exponents of the lobes K_l at these cosines, of levels whose texels span these angles."""
+    """Exponents of the lobes K_l, from their profiles at given cosines and the angles that their texels span."""
     power = 3 if volume == "radial_plot" else 1
     levels, exponents, errors = [], [], []
     shares = np.arange(STEPS) / STEPS
@@ -97,7 +98,7 @@ def match_levels(
         share = np.append(shares, 1.0)[: STEPS + last, None]
         mixed = (1 - share) * profile(level, cosines) + share * profile(level + 1, cosines)
         rho = (mixed / mixed[:, :1]) ** power
-        # Of the exponent p s: the integral is 2 pi / (p s + 1) in both measures.
+        # For the exponent p s, the integral is 2 pi / (p s + 1) in both measures.
         total = rho @ weight
         s = (2 * pi / total - 1) / power
         lobe = np.clip(cosines, 0, 1) ** np.maximum(power * s, 0)[:, None]
@@ -112,7 +113,7 @@ def match_levels(
 
 def _rings(reach: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Cosines of rings up to an angle, and their solid angles by the trapezoid rule, (N_ANGLES,)."""
-    # 1 - cos = (1 - cos(reach)) u^2, so that angles are about even.
+    # 1 - cos = (1 - cos(reach)) u^2, so that the angles are about equally spaced.
     u = np.linspace(0, 1, N_ANGLES)
     weight = 2 * pi * (1 - np.cos(reach)) * 2 * u * np.gradient(u)
     weight[-1] /= 2
@@ -120,9 +121,10 @@ def _rings(reach: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _of_finer(found: LobeLevels, n_halvings: int) -> LobeLevels:
-    """Of a cube 2^n times as fine: its fine levels are these at a smaller size, its coarse ones these n levels on.
+    """Levels of a cube that is 2^n times as fine.
 
-    Between the two one level is repeated, each time at half the size, which is four times the exponent.
+    Its fine levels are the given ones at a smaller size; its coarse levels are the given ones, moved by n levels.
+    Between them one level is repeated, each time at twice the size, which is a quarter of the exponent.
     """
     i = np.arange(len(found.levels) + STEPS * n_halvings)
     repeats = np.clip(i // STEPS - ALIKE, 0, n_halvings)
@@ -131,7 +133,7 @@ def _of_finer(found: LobeLevels, n_halvings: int) -> LobeLevels:
 
 
 def _lit_texels(resolution: int, mip_filter: LobeFilter, places: Places) -> tuple[PartialMaps, Tensor]:
-    """Cubes with three lit texels each, one a channel and of unit flux, and their directions (N, 3, 3)."""
+    """Cubes with three lit texels of unit flux each, one per channel, and the directions of these (N, 3, 3)."""
     n = 3 * N_CUBES
     u = points_2d(n, "r2")
     if places == "sphere":

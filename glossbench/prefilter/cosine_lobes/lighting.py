@@ -1,4 +1,4 @@
-"""Shading by maps that are filtered into cosine lobes: a lookup for each lobe and region of the light."""
+"""Shading with maps that are filtered into cosine lobes: one lookup for each lobe and region of the light."""
 
 from typing import Any, Literal, Protocol
 
@@ -20,13 +20,13 @@ Energy = Literal["normal", "albedo"]
 
 
 class Maps(Environment, Protocol):
-    """Maps of regions of one light, one column of taps each; their sum is the light."""
+    """Maps of the regions of one light, one column of taps per map; the sum of the maps is the light."""
 
     def __len__(self) -> int: ...
 
 
 class Levels(Protocol):
-    """Which level of the maps stands for the lobe cos^s: one for all maps, or one for each, (N,)."""
+    """The level of the maps that shows the lobe cos^s: one level for all maps, or one for each map, (N,)."""
 
     def level(self, s: float) -> float | NDArray[np.float64]: ...
 
@@ -38,13 +38,13 @@ def lobe_sums(self: Any, material: Material) -> tuple[LobeSum, ...]:
 
 
 def no_lobe_sums(material: Material) -> str | None:
-    """Why a lobe of a material is no sum of round lobes about the mirror direction; None where all are."""
+    """The reason why a lobe of a material is not a sum of round lobes about the mirror direction; None if all are."""
     reasons = (no_lobe_sum(lobe) for lobe in material.as_lobes().lobes)
     return next((reason for reason in reasons if reason), None)
 
 
 def n_lookups(material: Material, lobes: int) -> int:
-    """Lookups of one map: one for each cosine lobe, at most `lobes` a glossy lobe, and the diffuse part."""
+    """Number of lookups in one map: one for each cosine lobe (at most `lobes` per glossy lobe) and the diffuse part."""
     reflectance = material.as_lobes()
     n_lobes = sum(len(fit_lobe_sum(lobe, lobes).exponents) for lobe in reflectance.lobes)
     return n_lobes + bool(reflectance.diffuse)
@@ -64,8 +64,8 @@ def lobe_radiance(
     c(d, s) = sum over maps i of VIS_i PEM_i(d, level_i(s)), r the mirror direction of wo.
 
     Args:
-        lobe_sums: of each glossy lobe.
-        energy: A, the albedo of the "normal" view or that of each view.
+        lobe_sums: the cosine lobes of each glossy lobe.
+        energy: A, the albedo of the "normal" view, or the albedo of each view.
 
     Source: Knuth et al. 2014, eq. 5.
     """
@@ -76,7 +76,7 @@ def lobe_radiance(
         return radiance
     levels = np.array([calibration.level(s) for s in [1.0] * diffuse + exponents])
     at = torch.tensor(levels, dtype=torch.float32, device=points.device).view(len(levels), 1, -1)
-    # Eight taps with their windows: some 4 times the temporaries of a lookup.
+    # Eight taps with their windows take about 4 times the temporaries of a lookup.
     means = iter(over_points(_means, points, 4 * len(maps), maps, shadows, at, diffuse).split(3, dim=1))
     if diffuse:
         radiance += torch.stack(reflectance.diffuse) * next(means)
@@ -89,7 +89,7 @@ def lobe_radiance(
 
 
 def _means(points: ShadingPoints, maps: Maps, shadows: Shadows, levels: Tensor, diffuse: bool) -> Tensor:
-    """c at levels (K, 1, 1 or N): (P, 3 K), about r, but the first about n where there is a diffuse part."""
+    """c at levels (K, 1, 1 or N): (P, 3 K), all about r, except the first about n if there is a diffuse part."""
     visible = (shadows.visible(points),)
     axes = [points.n] * diffuse + [reflect(points.wo, points.n)] * (len(levels) - diffuse)
     return torch.cat([weighted_radiance(maps, d, level, visible) for d, level in zip(axes, levels, strict=True)], dim=1)

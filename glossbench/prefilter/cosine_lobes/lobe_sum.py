@@ -12,9 +12,9 @@ from torch import Tensor
 from glossbench.brdf.lobe import Lobe
 from glossbench.directions import Vec3, reflect
 
-LARGEST = 1e7  # exponent of a lobe that no cube of texels tells from a mirror
-CLOSE = 1e-4  # of the volume: what float32 leaves of a lobe that is a cosine lobe
-VIEWS = 64  # cosines of the view in the table of albedos
+LARGEST = 1e7  # largest exponent: no cube of texels can distinguish its lobe from a mirror
+CLOSE = 1e-4  # error relative to the volume, to which float32 rounding limits the fit of an exact cosine lobe
+VIEWS = 64  # number of view cosines in the table of albedos
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class LobeSum:
 
     Attributes:
         exponents: s_k >= 1, (K,).
-        shares: of the energy, sum 1, (K,); none of both where the lobe is black.
-        error: integral of |f cos_i - sum| over that of f cos_i, seen along the normal.
+        shares: shares of the energy, with sum 1, (K,). Both tuples are empty if the lobe is black.
+        error: integral of |f cos_i - sum| / integral of f cos_i, seen along the normal.
         albedo: directional albedo at cos_o = (i + 1) / 64, (64, 3), float32.
     """
 
@@ -34,7 +34,7 @@ class LobeSum:
     albedo: Tensor
 
     def albedo_at(self, cos_o: Tensor) -> Tensor:
-        """Directional albedo (P, 3), linear between the table's views."""
+        """Directional albedo (P, 3), linear between the views of the table."""
         at = (cos_o.clamp(0, 1) * VIEWS - 1).clamp(0, VIEWS - 1)
         lower = at.long().clamp(max=VIEWS - 2)
         share = (at - lower)[:, None]
@@ -42,7 +42,7 @@ class LobeSum:
 
 
 def no_lobe_sum(lobe: Lobe) -> str | None:
-    """Why a lobe is no sum of round lobes about the mirror direction; None where it is."""
+    """The reason why a lobe is not a sum of round lobes about the mirror direction; None if it is."""
     device = lobe.ks[0].device
     aslant = Vec3(*(torch.tensor([[v]], device=device) for v in (0.48, 0.36, 0.8)))
     normal = Vec3(*(torch.tensor([[v]], device=device) for v in (0.0, 0.0, 1.0)))
@@ -57,9 +57,9 @@ def no_lobe_sum(lobe: Lobe) -> str | None:
 def fit_lobe_sum(lobe: Lobe, n_lobes: int) -> LobeSum:
     """The lobe seen along the normal as a sum of at most N cosine lobes, by least squares over the hemisphere.
 
-    As few as do: a second lobe is not fitted where the first leaves less than 1e-4. So a Phong lobe
-    (s + 2) / (2 pi) cos^s, foreshortened by cos_i, which is cos(alpha) in that view, is one lobe of exponent s + 1; a
-    Phong lobe without foreshortening is one of exponent s. A black lobe is a sum of none.
+    It uses the least number of lobes: a second lobe is not fitted if the error with one is below 1e-4. So a Phong lobe
+    (s + 2) / (2 pi) cos^s, foreshortened by cos_i, which is cos(alpha) in that view, is one lobe of exponent s + 1. A
+    Phong lobe without foreshortening is one lobe of exponent s. A black lobe is the empty sum.
     """
     device = lobe.ks[0].device
     cos_o = (torch.arange(VIEWS, device=device) + 1) / VIEWS
@@ -82,8 +82,8 @@ def fit_lobe_sum(lobe: Lobe, n_lobes: int) -> LobeSum:
 
 
 def _profile(lobe: Lobe) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """1 - cos(alpha), weights of the solid angle, and f cos_i seen along the normal, the mean of its channels."""
-    # Even in the logarithm: lobes of all widths have as many nodes.
+    """1 - cos(alpha), weights of the solid angle, and the channel mean of f cos_i, seen along the normal."""
+    # Nodes are equally spaced in the logarithm, so that lobes of all widths have equally many.
     log_away = np.linspace(np.log(1e-10), 0, 2000)
     away = np.exp(log_away)
     weight = 2 * pi * away * np.gradient(log_away)
@@ -106,7 +106,7 @@ def _fit(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Exponents and shares of n lobes."""
     peak = values.max()
-    # A cosine lobe's peak is (s + 1) / (2 pi); several start on both sides of it.
+    # The peak of a cosine lobe is (s + 1) / (2 pi); several lobes start with exponents on both sides of this s.
     start = np.clip(2 * pi * peak - 1, 1.0, LARGEST) * 4.0 ** (np.arange(n) - (n - 1) / 2)
     scale = np.sqrt(weight / (weight * values**2).sum())
 

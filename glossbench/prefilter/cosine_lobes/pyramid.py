@@ -1,7 +1,7 @@
-"""Partial environment maps: N cubes, each lit by one region alone, filtered level by level into cosine lobes.
+"""Partial environment maps: N cubes, each lit by only one region, filtered level by level into cosine lobes.
 
-Most texels of such a cube are black: what is stored of each face and level is a window, the whole face or the
-smallest rectangle around what is lit. All windows lie in one flat table whose row 0 is black.
+Most texels of such a cube are black. For each face and level a window is stored: the whole face, or the smallest
+rectangle around the lit texels. All windows are in one flat table whose row 0 is black.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ LobeFilter = Literal["none", "box", "gauss", "cosine", "sqrt_cosine"]
 Storage = Literal["cube", "cropped"]
 
 _COSINES = np.cos(np.radians([-60, -30, 0, 30, 60]))
-# One row of each separable 5-tap filter that comes before each 2x2 mean.
+# One row of each separable 5-tap filter, which is applied before each 2x2 mean.
 FIVE_TAPS: dict[LobeFilter, tuple[float, ...]] = {
     "none": (1.0,),
     "box": (1.0, 1.0, 1.0, 1.0, 1.0),
@@ -29,24 +29,25 @@ FIVE_TAPS: dict[LobeFilter, tuple[float, ...]] = {
     "cosine": tuple(_COSINES),
     "sqrt_cosine": tuple(np.sqrt(_COSINES)),
 }
-# The 5 taps and the mean of two in one pass at every second texel; of "gauss" these are the six of a Gauss 6x6 pyramid.
+# The 5 taps and the mean of two in one pass at every second texel. For "gauss" they are the six of a Gauss 6x6 pyramid.
 LOBE_FILTERS: dict[LobeFilter, tuple[float, ...]] = {
     name: tuple(np.convolve(taps, (1, 1)).tolist()) for name, taps in FIVE_TAPS.items()
 }
-# Of the cubes that are filtered at once. Measured, 256^2 and 64 regions: 4 MiB takes a quarter longer than 32 or 128.
+# Bytes of the cubes that are filtered in one pass. Measured, 256^2 and 64 regions: 4 MiB takes a quarter more time than
+# 32 or 128 MiB.
 BATCH_BYTES = 1 << 25
 TEXEL_BYTES = 12  # three float32
 
 
 @dataclass(frozen=True)
 class PartialMaps:
-    """N cubes at every power of two up to their own.
+    """N cubes with levels at every power of two up to their own resolution.
 
     Attributes:
         texels: (T, 3) float32, row 0 black.
         windows: (L, 6 N, 5) int32: row and column of the first texel in the bordered face, height, width, first row
-            in `texels`; image 6 i + face of cube i.
-        sizes: texels along an edge without border of each level (L,), int32.
+            in `texels`. The index of a face of cube i is 6 i + face.
+        sizes: texels along an edge of each level, without the border, (L,), int32.
     """
 
     texels: Tensor
@@ -57,9 +58,9 @@ class PartialMaps:
         return self.windows.shape[1] // 6
 
     def taps(self, d: Vec3, lod: Tensor | None) -> Taps:
-        """Eight rows and weights, (P, N) one column a cube, for unit directions (P, 1); trilinear and seamless.
+        """Eight rows and weights, (P, N), one column per cube, for unit directions (P, 1); trilinear and seamless.
 
-        lod: level, (P, 1) or (1, 1), clamped to the levels there are; None reads level 0 alone.
+        lod: level, (P, 1) or (1, 1), clamped to the existing levels; None reads only level 0.
         """
         face, s, t, _ = face_coordinates(d)
         image = face.long() + 6 * torch.arange(len(self), device=s.device)
@@ -78,7 +79,7 @@ class PartialMaps:
         return tuple(rows), tuple(weights)
 
     def log2_texels_per_sr(self, d: Vec3) -> Tensor:
-        """log2(R^2 / (4 major^3)), as of any cube."""
+        """log2(R^2 / (4 major^3)), as for every cube."""
         major = torch.maximum(torch.maximum(d.x.abs(), d.y.abs()), d.z.abs())
         return 2 * torch.log2(self.sizes[0].float()) - 2 - 3 * torch.log2(major)
 
@@ -105,23 +106,24 @@ def window_taps(window: Tensor, x: Tensor, y: Tensor, share: Tensor) -> tuple[li
 
 
 def cube_bytes(resolution: int, n_maps: int) -> int:
-    """Bytes of N whole cubes of R texels an edge with all their levels and borders."""
+    """Bytes of N whole cubes of R texels per edge, with all their levels and borders."""
     return TEXEL_BYTES * (1 + 6 * n_maps * sum((n + 2) ** 2 for n in _sizes(resolution)))
 
 
 def build_partial_maps(
     faces: Tensor, index: Tensor, n_maps: int, mip_filter: LobeFilter, storage: Storage, limit: float
 ) -> PartialMaps:
-    """The cubes (6, R, R, 3) of a light, cube i black but where `index` (6, R, R) is i, with all levels.
+    """The cubes of a light (6, R, R, 3), with all levels; cube i is black except where `index` (6, R, R) is i.
 
-    Each level is the one before under the 5-tap filter and then the mean of 2x2, across edges too (section 3.2 and
-    figure 2); texels count alike, not by solid angle. All of it is linear: the cubes sum to the light's own pyramid.
+    Each level is the finer one after the 5-tap filter and the mean of 2x2, also across edges (section 3.2 and figure
+    2). All texels have the same weight, not their solid angle. All steps are linear: the sum of the cubes is the
+    pyramid of the light.
 
     Args:
         limit: bytes that the table may take.
 
     Raises:
-        InputError: it would take more; raised before that is allocated.
+        InputError: the table would take more. This is raised before it is allocated.
 
     Source: Knuth et al. 2014, sections 3.1, 3.2 and 4.
     """
@@ -166,7 +168,10 @@ def _sizes(resolution: int) -> list[int]:
 
 
 def _levels(faces: Tensor, index: Tensor, n_maps: int, taps: tuple[float, ...]) -> Iterator[tuple[Tensor, Tensor]]:
-    """The maps 0 to B - 1, level by level: bordered faces (6, n + 2, n + 2, B, 3), and where any may be lit (.., 1)."""
+    """The maps 0 to B - 1, level by level: bordered faces (6, n + 2, n + 2, B, 3), and a mask of the texels (.., 1).
+
+    The mask is above 0 where any of the maps may be lit.
+    """
     images = faces.new_zeros(*faces.shape[:3], n_maps, 3)
     member = (index >= 0) & (index < n_maps)
     images.flatten(0, 2)[member.flatten().nonzero()[:, 0], index[member].long()] = faces[member]
@@ -174,7 +179,7 @@ def _levels(faces: Tensor, index: Tensor, n_maps: int, taps: tuple[float, ...]) 
     width = len(taps) // 2 - 1
     while True:
         n = images.shape[1]
-        # One border serves the filter and the table.
+        # The same border is used for the filter and the table.
         margin = max(width, 1) if n > 1 else 1
         padded, padded_lit = bordered(images, margin), bordered(lit, margin)
         inner = slice(margin - 1, n + margin + 1)
@@ -187,13 +192,13 @@ def _levels(faces: Tensor, index: Tensor, n_maps: int, taps: tuple[float, ...]) 
 
 
 def _halved(padded: Tensor, lit: Tensor, taps: tuple[float, ...]) -> Tensor:
-    """As `halve`, but only around the rows and columns of each face that are lit."""
+    """As `halve`, but computed only around the lit rows and columns of each face."""
     n = (padded.shape[1] - len(taps) + 2) // 2
     out = padded.new_zeros(6, n, n, padded.shape[3])
     for face, extent in enumerate(_extents(lit)):
         if extent is None:
             continue
-        # Coarse texels whose taps 2 j .. 2 j + n_taps - 1 meet anything lit.
+        # Coarse texels whose taps 2 j .. 2 j + n_taps - 1 include a lit texel.
         rows, columns = ((max(0, (a - len(taps) + 2) // 2), min(n, (b - 1) // 2 + 1)) for a, b in extent)
         source = tuple(slice(2 * a, 2 * (b - 1) + len(taps)) for a, b in (rows, columns))
         out[face, slice(*rows), slice(*columns)] = halve(padded[face : face + 1, source[0], source[1]], taps)[0]
@@ -201,7 +206,7 @@ def _halved(padded: Tensor, lit: Tensor, taps: tuple[float, ...]) -> Tensor:
 
 
 def _extents(lit: Tensor) -> list[tuple[tuple[int, int], ...] | None]:
-    """Of each face (6, n, n, 1), rows and columns [first, last) that hold all that is lit; None where nothing is."""
+    """For each face (6, n, n, 1), the rows and columns [first, last) that contain all lit texels; None without any."""
     extents: list[tuple[tuple[int, int], ...] | None] = []
     for face in (lit[..., 0] > 0).cpu().numpy():
         ends = [np.flatnonzero(face.any(axis)) for axis in (1, 0)]
@@ -217,7 +222,7 @@ def _all(images: Tensor) -> Tensor:
 
 
 def _lit(images: Tensor, lit: Tensor) -> Tensor:
-    """Windows (B, 6, 5) around what is lit in each face; of no height and width where nothing is."""
+    """Windows (B, 6, 5) around the lit texels of each face; height and width are 0 if there are none."""
     windows = torch.zeros(images.shape[3], 6, 5, dtype=torch.int64, device=images.device)
     for face, extent in enumerate(_extents(lit)):
         if extent is None:

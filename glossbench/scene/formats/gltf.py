@@ -1,4 +1,4 @@
-"""glTF 2.0: positions, normals and triangles of all nodes of a scene, each in its place; materials are left out."""
+"""glTF 2.0: positions, normals and triangles of all nodes of a scene, in world coordinates, without materials."""
 
 import base64
 import binascii
@@ -24,20 +24,21 @@ COMPRESSED = {
     "EXT_meshopt_compression": "meshopt",
     "KHR_meshopt_compression": "meshopt",
 }
-# Begin the names of extensions that change how a surface looks, not where it is, and of those that are read.
+# Prefixes of the names of extensions that are supported, or that change only the look of a surface.
 HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp")
-MAX_ITEMS = 1 << 27  # of an accessor that has no bytes of its own: 1.5 GB of positions
+MAX_ITEMS = 1 << 27  # for an accessor without bytes in the file: 1.5 GB of positions
 MAX_NODES = 1 << 20
 
 
 def read_gltf(path: Path) -> Surface:
-    """The triangles, strips and fans of a .gltf or .glb file, of the nodes of its scene; points and lines are left out.
+    """The triangles, strips and fans of the scene in a .gltf or .glb file, without points and lines.
 
-    Normals where all parts state them. What a node mirrors winds the other way. Skins and morphs stay at rest.
+    Normals are read if all parts have them. If a node mirrors its content, the winding is reversed. Skins and morph
+    targets are in their rest position.
 
     Raises:
-        InputError: not glTF 2.0, a buffer that is not there or too short, an extension that must be read and is not,
-            such as a compression, or no triangles.
+        InputError: the file is not glTF 2.0, a buffer does not exist or is too short, a required extension is not
+            supported, such as a compression, or there are no triangles.
 
     Source: the Khronos specification, version 2.0.1.
     """
@@ -59,7 +60,7 @@ def read_gltf(path: Path) -> Surface:
 
 
 def buffer_files(path: Path) -> list[Path]:
-    """The files beside a .gltf file that hold its numbers, whether they are there or not."""
+    """Paths of the files that hold the buffers of a .gltf file, whether they exist or not."""
     tree, _ = _contents(path)
     uris = [each.get("uri") for each in _listed(tree, "buffers")]
     return [path.parent / unquote(uri) for uri in uris if isinstance(uri, str) and ":" not in uri.partition("/")[0]]
@@ -71,7 +72,7 @@ def _listed(tree: dict[str, Any], key: str) -> list[dict[str, Any]]:
 
 
 def _contents(path: Path) -> tuple[dict[str, Any], bytes | None]:
-    """The tree of a file, and the binary chunk of a .glb."""
+    """The JSON tree of a file, and the binary chunk of a .glb file."""
     data = path.read_bytes()
     binary = None
     if data[:4] == b"glTF":
@@ -113,7 +114,7 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
 
 
 class _Reader:
-    """One file: its tree, and its buffers once they are asked for."""
+    """One file: its JSON tree, and its buffers, which are read at first use."""
 
     def __init__(self, path: Path, tree: dict[str, Any], binary: bytes | None) -> None:
         self._path, self._tree, self._binary = path, tree, binary
@@ -123,14 +124,14 @@ class _Reader:
                 raise self._unread(str(name))
 
     def parts(self) -> Iterator[Surface]:
-        """Each primitive of triangles in its place."""
+        """Each primitive of triangles, in world coordinates."""
         for mesh, matrix in self._placed():
             for primitive in mesh["primitives"]:
                 if primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN):
                     yield self._part(primitive, matrix)
 
     def _placed(self) -> Iterator[tuple[dict[str, Any], Floats]]:
-        """The meshes of the scene with their matrices; all of a file without nodes, as they are."""
+        """The meshes of the scene with their matrices; in a file without nodes all meshes, with the identity."""
         nodes = self._tree.get("nodes", [])
         if not nodes:
             for mesh in self._tree.get("meshes", []):
@@ -174,7 +175,7 @@ class _Reader:
         mirrored = np.linalg.det(turned) < 0
         normals = None
         if "NORMAL" in attributes:
-            # By the cofactors, which are the inverse transpose times the determinant, and there without an inverse.
+            # Cofactors are the inverse transpose times the determinant; they exist even if the inverse does not.
             a, b, c = turned
             cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)]) * (-1 if mirrored else 1)
             normals = self._numbers(attributes["NORMAL"]).astype(np.float64) @ cofactors.T
@@ -265,7 +266,7 @@ class _Reader:
 
 
 def _matrix(node: dict[str, Any]) -> Floats:
-    """What a node does to its content: its matrix, or translation x rotation x scale."""
+    """The matrix that a node applies to its content: its own, or translation x rotation x scale."""
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     x, y, z, w = node.get("rotation", (0, 0, 0, 1))

@@ -1,4 +1,4 @@
-"""Wavefront OBJ: positions, normals and polygons; textures, materials and names are left out."""
+"""Wavefront OBJ: positions, normals and polygons, without textures, materials and names."""
 
 import codecs
 from pathlib import Path
@@ -10,14 +10,14 @@ from glossbench.scene.formats.polygons import Surface, triangulate
 
 
 def read_obj(path: Path) -> Surface:
-    """The polygons of an .obj file as triangles, all of its objects and groups as one.
+    """The polygons of an .obj file as triangles; all objects and groups are joined.
 
-    v x y z, vn x y z, f v v v ..., v/vt, v//vn or v/vt/vn. Numbers of vertices count from 1, negative ones back from
-    the vertices so far. # begins a comment, and a line that ends in \\ goes on in the next. Normals are those of the
-    file where every face states them: a vertex for each pair of position and normal.
+    v x y z, vn x y z, f v v v ..., where v is v, v/vt, v//vn or v/vt/vn. Vertices are numbered from 1; negative numbers
+    count back from the last vertex so far. # begins a comment; a line that ends in \\ continues in the next line. If
+    every face states normals, they are read, and each pair of position and normal becomes a vertex.
 
     Raises:
-        InputError: with its line, what is not numbers, and a vertex or normal that is not there.
+        InputError: a line does not hold numbers (the error names the line), or a vertex or normal does not exist.
 
     Source: Wavefront, Advanced Visualizer manual, appendix B1.
     """
@@ -57,7 +57,7 @@ def read_obj(path: Path) -> Surface:
 
 
 def _counted(number: int, so_far: int) -> int:
-    """A vertex from 0 of one that counts from 1, or back from the last so far."""
+    """A vertex number from 0, from a number that counts from 1 or back from the last vertex so far."""
     place = number - 1 if number > 0 else so_far + number
     if number == 0 or place < 0:
         raise ValueError(number)
@@ -65,7 +65,7 @@ def _counted(number: int, so_far: int) -> int:
 
 
 def _lines(content: bytes) -> list[str]:
-    """Lines of a text as any system writes it, without comments; one that goes on has an empty one after it."""
+    """Lines of a text with the line ends of any system, without comments; an empty line follows a continued one."""
     encoding = "utf-16" if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
     lines = content.decode(encoding, errors="replace").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if b"#" in content:

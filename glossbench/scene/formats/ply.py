@@ -22,7 +22,7 @@ MAX_HEADER = 1 << 16
 
 
 class Property(NamedTuple):
-    """A value, or a list of them whose length is of type `counted`, of each row of an element."""
+    """One value per row of an element, or a list of values if `counted`, the type of its length, is not empty."""
 
     name: str
     type: str
@@ -38,23 +38,25 @@ class Element(NamedTuple):
 
 
 class Lists(NamedTuple):
-    """Rows of different length, after each other."""
+    """Rows of different length, one after the other."""
 
     values: NDArray[Any]
     counts: Ints
 
 
-Columns = dict[str, Any]  # of a value (rows,), of a list Lists
+Columns = dict[str, Any]  # by property: an array (rows,) of values, or Lists
 
 
 def read_ply(path: Path) -> Surface:
     """The faces and triangle strips of a .ply file as triangles.
 
-    Element vertex: x, y, z, and nx, ny, nz where stated. Element face: a list vertex_indices or vertex_index of any
-    number of corners a face. Element tristrips: a list of the same name, where -1 ends a strip. Others are left out.
+    Element vertex: x, y, z and optional nx, ny, nz. Element face: a list vertex_indices or vertex_index, with any
+    number of corners per face. Element tristrips: a list of the same name, in which -1 ends a strip. Other elements are
+    ignored.
 
     Raises:
-        InputError: a header that is none, a file that ends before what it announces, or one without faces.
+        InputError: the header is not valid, the file ends before the rows that its header announces, or it has no
+            faces.
 
     Source: Turk 1994, "The PLY polygon file format".
     """
@@ -132,7 +134,7 @@ class _Text:
         self._path, self._at = path, 0
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # of a text that is not read to its end
+                warnings.simplefilter("error", DeprecationWarning)  # numpy's warning if it does not read the whole text
                 self._numbers = np.fromstring(data, np.float64, sep=" ")
         except (ValueError, DeprecationWarning):
             raise InputError(f"{path}: PLY file of text that holds more than numbers") from None
@@ -173,7 +175,7 @@ class _Binary:
         self._path, self._data, self._at, self._order = path, data, at, order
 
     def read(self, element: Element) -> Columns:
-        """The columns of an element; rows whose lists are all as long as the first one's are read at once."""
+        """The columns of an element; if all rows have lists of the same lengths, they are read at once."""
         lengths = self._lengths(element)
         parts: list[Any] = []
         for i, each in enumerate(element.properties):
@@ -198,7 +200,7 @@ class _Binary:
         return self._row_by_row(element)
 
     def _lengths(self, element: Element) -> dict[int, int]:
-        """Of each list, how long the first row's is."""
+        """The length of each list in the first row, by the number of its property."""
         at, found = self._at, {}
         for i, each in enumerate(element.properties):
             n = 1

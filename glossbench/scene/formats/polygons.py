@@ -1,4 +1,4 @@
-"""Polygons as triangles: a fan where it covers the polygon, ears cut off where it does not."""
+"""Cuts polygons into triangles: into a fan if it covers the polygon, otherwise into ears."""
 
 from typing import NamedTuple
 
@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from glossbench.errors import InputError
 
-# An ear is looked for among all corners: the time grows with their square, 10,000 take seconds.
+# Every corner may be an ear: the time grows with the square of their number; 10,000 take seconds.
 MAX_CONCAVE_CORNERS = 10_000
-# Of twice an area, in a polygon whose box is 1 wide: what is less is rounding.
+# Twice an area, in a polygon whose box is 1 wide: smaller values are rounding errors.
 NOTHING = 1e-13
 
 Floats = NDArray[np.float64]
@@ -17,7 +17,7 @@ Ints = NDArray[np.int64]
 
 
 class Surface(NamedTuple):
-    """What a mesh file holds: vertices (V, 3), triangles (F, 3) of their numbers, and normals (V, 3) where stated."""
+    """The content of a mesh file: vertices (V, 3), triangles (F, 3) of vertex numbers, and normals (V, 3) or None."""
 
     vertices: Floats
     faces: Ints
@@ -25,20 +25,21 @@ class Surface(NamedTuple):
 
 
 def triangulate(name: str, vertices: Floats, corners: Ints, counts: Ints) -> Ints:
-    """Triangles (T, 3) of polygons, as places in `corners`; they run around as their polygon does.
+    """Triangles (T, 3) of polygons, as positions in `corners`; they have the winding of their polygon.
 
-    A polygon is a fan from its first corner where all triangles of that fan turn the same way about the polygon's mean
-    normal; convex ones are. Others are cut into ears, seen along that normal: concave ones, and those with a hole that
-    a bridge of two equal edges joins to the outline. Polygons of less than three corners are left out.
+    A polygon is cut into a fan from its first corner if all triangles of this fan have the same winding about the
+    polygon's mean normal, as in convex polygons. Others are cut into ears, seen along this normal: concave polygons,
+    and those with a hole that a bridge of two equal edges joins to the outline. Polygons of fewer than three corners
+    are left out.
 
     Args:
-        name: of the mesh in errors.
+        name: name of the mesh in errors.
         vertices: (V, 3).
-        corners: vertex numbers of all polygons after each other, (C,).
-        counts: corners of each polygon, (P,).
+        corners: vertex numbers of all polygons, one polygon after the other, (C,).
+        counts: number of corners of each polygon, (P,).
 
     Raises:
-        InputError: a vertex that is not there, or a polygon of more than 10,000 corners that is no fan.
+        InputError: a vertex does not exist, or a polygon of more than 10,000 corners is not a fan.
 
     Source: the mean normal, Newell in Sutherland et al. 1974; ears, Meisters 1975.
     """
@@ -48,14 +49,14 @@ def triangulate(name: str, vertices: Floats, corners: Ints, counts: Ints) -> Int
         raise InputError(f"{name} has {len(vertices)} vertices, but face {face} has vertex {corners[bad]}, from 0")
     starts = np.cumsum(counts) - counts
     found: list[Ints] = []
-    places: list[Ints] = []  # of the polygon that the triangles are of, so that they stay in its order
+    places: list[Ints] = []  # numbers of the polygons of these triangles, to restore the order
     for n in np.unique(counts[counts > 2]):
         of_size = np.flatnonzero(counts == n)
         fan = np.stack([np.zeros(n - 2, int), np.arange(1, n - 1), np.arange(2, n)], axis=1)
         is_fan = np.ones(len(of_size), bool)
         if n > 3:
             points = vertices[corners[starts[of_size, None] + np.arange(n)]]
-            with np.errstate(invalid="ignore", over="ignore"):  # a mesh of numbers that are not finite is refused later
+            with np.errstate(invalid="ignore", over="ignore"):  # numbers that are not finite are refused later
                 is_fan = _fans(points)
         found.append((starts[of_size[is_fan], None, None] + fan).reshape(-1, 3))
         places.append(np.repeat(of_size[is_fan], n - 2))
@@ -75,12 +76,12 @@ def _fans(points: Floats) -> NDArray[np.bool_]:
     rays = points[:, 1:] - points[:, :1]
     crosses = np.cross(rays[:, :-1], rays[:, 1:])
     along = (crosses * crosses.sum(1, keepdims=True)).sum(2)
-    # Not <: what is not finite is a fan, and refused with its vertex by who makes the mesh.
+    # "Not <" makes a polygon that is not finite a fan: `make_mesh` then refuses it and names its vertex.
     return ~(along < -NOTHING * np.abs(along).sum(1, keepdims=True)).any(axis=1)
 
 
 def _ears(points: Floats) -> Ints:
-    """Triangles (T, 3) of one polygon (n, 3), as places of its corners."""
+    """Triangles (T, 3) of one polygon (n, 3), as numbers of its corners."""
     xy = _flat(points)
     ring = np.arange(len(xy))
     found = []
@@ -89,15 +90,15 @@ def _ears(points: Floats) -> Ints:
         n = len(ring)
         a, b, c = xy[np.roll(ring, 1)], xy[ring], xy[np.roll(ring, -1)]
         doubled = _doubled_areas(a, b, c)
-        # There and back again, or twice the same: no triangle, and an ear beside it could lie outside.
+        # A spike runs there and back, or repeats a point: it has no area, and an ear next to it could lie outside.
         spikes = np.flatnonzero((np.abs(doubled) <= NOTHING) & (((a - b) * (c - b)).sum(1) >= 0))
         if len(spikes):
             ring, at = np.delete(ring, spikes[0]), 0
             continue
-        # From where the last ear was, so that the triangles go around and do not all share one corner.
+        # Start at the last ear, so that the triangles go around and do not all share one corner.
         candidates = [i % n for i in range(at, at + n) if doubled[i % n] > NOTHING]
         ear = next((i for i in candidates if _is_free(xy[ring], i)), None)
-        if ear is None:  # a straight corner has no triangle, and a polygon that cuts itself no right one
+        if ear is None:  # only straight corners are left, or the polygon cuts itself and has no correct triangles
             ear = int(np.abs(doubled).argmin())
         if doubled[ear] > NOTHING:
             found.append((ring[ear - 1], ring[ear], ring[(ear + 1) % n]))
@@ -108,7 +109,7 @@ def _ears(points: Floats) -> Ints:
 
 
 def _flat(points: Floats) -> Floats:
-    """Corners seen against the polygon's mean normal, (n, 2), so that it runs counter-clockwise in a box of 1."""
+    """Corners (n, 2) projected along the polygon's mean normal: counter-clockwise, in a box of 1."""
     points = points - points.mean(0)
     points = points / max(float(np.abs(points).max()), 1e-300)
     normal = np.cross(points, np.roll(points, -1, 0)).sum(0)
@@ -119,7 +120,7 @@ def _flat(points: Floats) -> Floats:
 
 
 def _is_free(xy: Floats, i: int) -> bool:
-    """Whether nothing of the polygon lies inside its corner i, nor on the cut that would take it off."""
+    """Whether no part of the polygon lies inside the triangle of corner i or on the cut that removes it."""
     n = len(xy)
     a, b, c = xy[i - 1], xy[i], xy[(i + 1) % n]
     sides = np.stack([_doubled_areas(p, q, xy) for p, q in ((a, b), (b, c), (c, a))])
@@ -127,7 +128,7 @@ def _is_free(xy: Floats, i: int) -> bool:
     inside = (sides[:2] > NOTHING).all(0) & (sides[2] > -NOTHING)
     if (inside & ~np.any(at_corner, axis=0)).any():
         return False
-    # A bridge may end in b: then edges leave from there, and must not go into the ear and out through the cut.
+    # A bridge may end in b: then other edges start there, and must not enter the ear and leave it through the cut.
     for j in np.flatnonzero(at_corner[1]):
         if j != i and any((sides[:2, k % n] > NOTHING).all() for k in (j - 1, j + 1)):
             return False
@@ -135,6 +136,6 @@ def _is_free(xy: Floats, i: int) -> bool:
 
 
 def _doubled_areas(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Twice the area of triangles, positive where they run counter-clockwise."""
+    """Twice the area of triangles, positive if they are counter-clockwise."""
     u, v = b - a, c - a
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])

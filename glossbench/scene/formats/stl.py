@@ -1,4 +1,4 @@
-"""STL: triangles, as text or binary; a vertex for each of their corners."""
+"""STL: triangles, as text or binary; each of their corners is a vertex."""
 
 from pathlib import Path
 from typing import Any
@@ -10,13 +10,13 @@ from glossbench.scene.formats.polygons import Surface
 
 
 def read_stl(path: Path) -> Surface:
-    """The triangles of all solids of an .stl file; their normals are those that their corners make.
+    """The triangles of all solids of an .stl file; normals follow from the corners.
 
     Raises:
-        InputError: a file that is neither text with a solid from its first to its last word nor as long as its number
-            of triangles says.
+        InputError: the file is not text from `solid` to `endsolid`, and its length does not fit its number of
+            triangles.
     """
-    import trimesh  # takes a third of a second, which other formats need not wait for
+    import trimesh  # imported here: it takes a third of a second, and other formats do not need it
 
     data = path.read_bytes()
     n_triangles = int.from_bytes(data[80:84], "little")
@@ -30,7 +30,7 @@ def read_stl(path: Path) -> Surface:
             raise InputError(f"{path}: STL file truncated: it ends without 'endsolid'")
     try:
         loaded: Any = trimesh.load_scene(path, process=False)
-    except Exception as error:  # a broken file breaks its reader in many ways
+    except Exception as error:  # a damaged file can raise many kinds of errors in the library
         first = (str(error).splitlines() or [""])[0]
         raise InputError(f"{path}: STL file that cannot be read: {first}") from error
     solids = [solid for solid in loaded.geometry.values() if len(getattr(solid, "faces", ()))]

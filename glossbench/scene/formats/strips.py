@@ -1,4 +1,4 @@
-"""Strips and fans: triangles that share their edges, as files of meshes and graphics libraries have them."""
+"""Strips and fans: triangles that share edges, as in mesh files and graphics libraries."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,13 +7,13 @@ Ints = NDArray[np.int64]
 
 
 def strip_triangles(values: Ints, counts: Ints) -> Ints:
-    """Triangles (T, 3) of strips (their lengths `counts`), -1 ends one; all run around as the first of their strip.
+    """Triangles (T, 3) of strips with lengths `counts`; -1 also ends a strip. Winding is that of a strip's first one.
 
-    Triangle i is i, i + 1, i + 2, every second one turned over. Where it has a vertex twice it is a seam between
-    strips, and left out.
+    Triangle i is i, i + 1, i + 2; every second one is reversed. A triangle that has a vertex twice is a seam between
+    strips and is left out.
     """
     ends = np.cumsum(counts)
-    strip = np.searchsorted(ends, np.arange(len(values)), side="right")  # of each value, the number of its strip
+    strip = np.searchsorted(ends, np.arange(len(values)), side="right")  # the number of each value's strip
     breaks = np.cumsum(values < 0)
     strip = strip + breaks
     first = np.maximum.accumulate(np.where(np.diff(strip, prepend=-1) != 0, np.arange(len(values)), 0))
@@ -27,7 +27,7 @@ def strip_triangles(values: Ints, counts: Ints) -> Ints:
 
 
 def fan_triangles(values: Ints) -> Ints:
-    """Triangles (T, 3) of one fan: its first vertex with each edge of the others."""
+    """Triangles (T, 3) of one fan: its first vertex with each edge between the others."""
     faces = np.stack([np.full(max(len(values) - 2, 0), values[0]), values[1:-1], values[2:]], axis=1)
     return _without_seams(faces)
 
