@@ -34,7 +34,7 @@ def findings(
     opened = [Results.open(folder) for folder in results or []]
     for each in opened:
         if not each.disk.manifest.is_finished:
-            raise InputError(f"{each.folder} is not finished; the same `glossbench run` goes on with it")
+            raise InputError(f"{each.folder} is not finished; the same `glossbench run` continues it")
     for each in opened:
         cells = each.cells
         verdicts = judge(stated_claims(each.study), cells)  # by the rules of this version

@@ -192,5 +192,7 @@ def warn_of_times(cells: "pandas.DataFrame") -> None:
         err.print(text, style="yellow", soft_wrap=True)
     processors = list(dict.fromkeys(done["processor"]))
     if len(processors) > 1:
-        text = f"cells were timed on {len(processors)} processors, whose times do not compare: {', '.join(processors)}"
+        text = (
+            f"cells were timed on {len(processors)} processors, with times that do not compare: {', '.join(processors)}"
+        )
         err.print(text, style="yellow", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Reference pages in Markdown: everything that is registered by name, as `glossbench info` describes it."""
+"""Reference pages in Markdown: descriptions of all registered names, as `glossbench info` prints them."""
 
 import json
 import re

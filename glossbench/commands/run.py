@@ -121,7 +121,7 @@ def report(
         typer.Argument(help="Reports, such as html and pdf (default: all).", autocompletion=completion.reports),
     ] = None,
 ) -> None:
-    """Write the reports of results again."""
+    """Write the reports of existing results again."""
     from glossbench.run.results import Results
 
     opened = Results.open(results)

@@ -1,4 +1,4 @@
-"""Conclusions: from the cases of a claim to its verdict and a sentence."""
+"""Conclusions: the verdict on a claim, and a sentence about it, from the cases of the claim."""
 
 from collections import Counter
 from collections.abc import Sequence

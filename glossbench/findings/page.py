@@ -24,9 +24,9 @@ def findings_page(summaries: Sequence[Summary], studies: Collection[str] = (), e
     words = [f"- *{word}*: {text}" for word, text in explain_verdicts([c for s in summaries for c in s.claims]).items()]
     parts = [
         "# Findings",
-        "Each claim is a sentence of a paper, or a question, as a checked comparison. `glossbench run STUDY` makes the "
-        "cells again, and `glossbench info STUDY` says what a study compares. Numbers in brackets are 95 % intervals "
-        "of the noise that the reference has.",
+        "Each claim is a sentence of a paper, or a question, as a comparison that a run checks. `glossbench run STUDY` "
+        "computes the cells again, and `glossbench info STUDY` says what a study compares. Numbers in brackets are "
+        "95 % intervals from the noise of the reference.",
         MADE,
         f"Claims of the studies with a summary ({len(summaries)}): {total}.",
         "\n".join(words),
@@ -40,7 +40,7 @@ def findings_page(summaries: Sequence[Summary], studies: Collection[str] = (), e
 
 
 def _without_rows(earlier: str, names: Collection[str]) -> str:
-    """A text without the rows of its table that are about these studies; a row without a name is about the last one."""
+    """The text without the table rows of these studies; a row without a name belongs to the study of the row above."""
     kept, name = [], ""
     for line in earlier.strip().splitlines():
         row = re.match(r"\| (?:`(\w+)`)? ?\|", line)

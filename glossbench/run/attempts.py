@@ -33,7 +33,7 @@ class Attempt:
             times, host, pid = int(mark["times"]), str(mark["host"]), int(mark["pid"])
         except (FileNotFoundError, NotADirectoryError):
             return 0
-        except (OSError, ValueError, KeyError, TypeError):  # half-written: the process ended just then
+        except (OSError, ValueError, KeyError, TypeError):  # half-written, because the process ended during the write
             return 1
         return 0 if host == socket.gethostname() and pid != os.getpid() and _is_alive(pid) else times
 
@@ -45,7 +45,7 @@ class Attempt:
     @property
     def told(self) -> str:
         """Why the work is passed over."""
-        return f"the process ended {self.ended} times in here, killed or for want of memory: passed over"
+        return f"the process ended {self.ended} times in here, killed or out of memory: passed over"
 
     def begin(self) -> None:
         """Write the mark."""

@@ -46,7 +46,7 @@ class Made:
             if each.key() == self.keys[i]:
                 continue
             if is_foreign(type(each)):
-                raise MethodError(f"{each.name}.key returns another text each time, or its file has changed")
+                raise MethodError(f"{each.name}.key returns a different text each time, or its file has changed")
             if Made.of(cell).keys[i] == self.keys[i]:
                 raise MethodError(f"{self.method.name} writes into {each.name}, which others read")
             raise Changed(f"a file of {each.name} has changed while the study ran; run it again")

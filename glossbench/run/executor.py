@@ -169,7 +169,7 @@ class Executor:
                 def tell(noise: float, n_samples: int) -> None:
                     target = f"{100 * options.relative_error:.2g} %"
                     self.progress.doing(
-                        f"reference: noise {100 * noise:.2g} % (target {target}), {n_samples} samples a pixel"
+                        f"reference: noise {100 * noise:.2g} % (target {target}), {n_samples} samples per pixel"
                     )
                     begin_round()
 

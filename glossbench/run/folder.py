@@ -33,7 +33,7 @@ class Folder:
         path = self.root / name
         real = Path(os.path.realpath(path))
         if not real.is_relative_to(os.path.realpath(self.root)):
-            raise InputError(f"{path} leads out of the folder of results, to {real}; glossbench follows no such link")
+            raise InputError(f"{path} leads out of the folder of results, to {real}; glossbench does not follow it")
         if os.path.lexists(real) and stat.S_IFMT(real.lstat().st_mode) not in (stat.S_IFREG, stat.S_IFDIR):
             raise InputError(f"{path} is a device or a pipe; a folder of results holds files")
         return path

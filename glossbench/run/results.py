@@ -7,12 +7,10 @@ described.json      descriptions of its methods, materials, lights, views and me
 claims.json         the verdicts
 provenance.json     versions, hardware, times
 glossbench.json     the list of files that this program wrote, and the keys of the study's cells; exists from the start
-cells/KEY.json      the row of one cell, with checksums of itself and of its files; its existence means that the cell is
-                    done
+cells/KEY.json      the row of one cell, with checksums of itself and of its files; the cell is done if it exists
 begun/KEY.begun     a mark while a cell is computed: how often the process ended during this cell
 images/KEY.exr      the image of a cell. KEY_half_vectors.npy is its pattern and KEY_state_NAME.exr are pictures of its
-                    state, if the method has them; KEY_flip_N.npz is a FLIP map averaged over N x N pixels, if a page
-                    was made
+                    state, if the method has them; KEY_flip_N.npz is a FLIP map of a page, averaged over N x N pixels
 references/KEY.exr  a reference. KEY_standard_error.exr is its standard error, KEY_deviates.npz holds the deviations of
                     its groups of replicates, KEY_mask.png its pixels, KEY.json its numbers
 """
@@ -73,10 +71,7 @@ class Results(CellFiles):
         """Record a study and its future cells in the folder.
 
         A study that compares everything that the folder's earlier study compares replaces it. A study that is a part
-        of the earlier one adds its results to it, and the earlier study stays.
-
-        Returns:
-            What the folder keeps of the earlier study, in one line; "" if the new study replaces it.
+        of the earlier one adds its results to it, and the earlier study stays: the returned line says what it keeps.
 
         Raises:
             InputError: the folder holds results of another study, or files of somebody else; nothing is written.
@@ -148,7 +143,7 @@ class Results(CellFiles):
         if cells.empty:
             raise InputError(f"{self.folder}: none of {len(manifest.cells)} cells is done yet")
         if not {"key", "reference_key", "status", "reason"} <= set(cells.columns):
-            raise InputError(f"{self.folder}/cells.parquet is no table of cells{AGAIN}")
+            raise InputError(f"{self.folder}/cells.parquet is not a table of cells{AGAIN}")
         damage: dict[str, str] = {}
         for i, row in enumerate(cells.to_dict("records")):
             if row["status"] == "done":

@@ -56,7 +56,7 @@ def run_study(
         CannotWrite: a write failed, for example because the disk is full. Finished cells are kept.
     """
     if not study.has_device():
-        raise InputError("the study wants device: cuda, but there is none here; say device: cpu")
+        raise InputError("the study states device: cuda, but this machine has none; write device: cpu")
     progress = progress or Progress()
     cells = study.cells()
     results = Results(folder)
@@ -120,9 +120,7 @@ def _check_own_study(study: Study, results: Results) -> None:
     path = results.folder / "study.yaml"
     if path.exists() and study.name == "study" and study.folder.resolve() == results.folder.resolve():
         if "study.yaml" not in results.disk.manifest.files or results.disk.is_altered("study.yaml"):
-            raise InputError(
-                f"{path} is the study itself, which its results would take the place of: name another folder by -o"
-            )
+            raise InputError(f"{path} is the study itself, and its results would replace it: name another folder by -o")
 
 
 def kept_statuses(study: Study, folder: Path) -> list[str]:

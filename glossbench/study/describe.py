@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from glossbench.study.expand import Axis, Form
     from glossbench.study.study import Study
 
-MAX_VALUES = 8  # of a sweep
-MAX_LINES = 40  # of one kind
+MAX_VALUES = 8  # values that are listed of a sweep
+MAX_LINES = 40  # lines that are printed for one heading
 
 
 def counted(n: int, what: str) -> str:

@@ -176,7 +176,7 @@ def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
         properties[option] = {"anyOf": [*forms, lists[option], *tuned], **beside}
     if not properties:
         return {"type": "object", "maxProperties": 0}
-    if len(lists) > 1:  # one list alone is a sweep
+    if len(lists) > 1:  # a single list needs no zip
         properties["zip"] = {
             "type": "object", "properties": lists, "additionalProperties": False,
             "description": "lists of one length, whose first values go together, then the second, and so on",
