@@ -6,9 +6,9 @@ the functions themselves refuse with an InputError, which tests want to see.
 """
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from beartype import beartype
 from jaxtyping import AbstractArray, config, install_import_hook
@@ -52,11 +52,22 @@ def arrays(function: Callable[..., Any]) -> Callable[..., Any]:
     hints = dict(function.__annotations__)
     result = hints.get("return", Any)
     compared = hints if result is Any else {"return": result}
-    function.__annotations__ = {name: hint for name, hint in compared.items() if _names_an_array(hint)}
+    function.__annotations__ = {name: hint for name, hint in compared.items() if _is_compared(hint)}
     return beartype(function) if function.__annotations__ else function
+
+
+def _is_compared(hint: Any) -> bool:
+    """Whether a hint names an array, and no list of them: of a list beartype picks one by Python's random numbers."""
+    return _names_an_array(hint) and not _has_list(hint)
 
 
 def _names_an_array(hint: Any) -> bool:
     if inspect.isclass(hint) and issubclass(hint, AbstractArray):
         return True
     return any(_names_an_array(part) for part in get_args(hint))
+
+
+def _has_list(hint: Any) -> bool:
+    origin = get_origin(hint)
+    is_list = inspect.isclass(origin) and issubclass(origin, Collection)
+    return (is_list and not (origin is tuple and ... not in get_args(hint))) or any(map(_has_list, get_args(hint)))

@@ -121,7 +121,7 @@ def schema() -> None:
     """Print the JSON Schema of studies, for editors."""
     from glossbench.study.schema import schema as study_schema
 
-    say_lines(json.dumps(study_schema(), indent=2))
+    say_lines(json.dumps(study_schema(), indent=1))
 
 
 app.command()(info)

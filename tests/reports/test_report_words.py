@@ -99,7 +99,7 @@ def test_results_of_one_quiet_processor_have_no_note():
 def test_page_and_print_explain_their_words(page, printed):
     for text in (page.lower(), printed.lower()):
         assert re.search("within noise ?: the 95 % interval contains what the number is compared with", text)
-        assert "levels added" in text  # of mip_bias
+        assert "number of levels to add" in text  # of mip_bias
 
 
 def test_page_and_print_say_what_they_leave_out(page, printed):

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from glossbench.commands.light import light as light_command
+from glossbench.directions import vec3
 from glossbench.envmap.formats.files import write_exr
 from glossbench.envmap.lights.file_light import FileLight
 from glossbench.envmap.projections import resampling
@@ -34,7 +35,7 @@ def test_an_image_of_nearly_two_to_one_is_latitude_and_longitude(shape):
 
     light = to_cubemap(sky(*shape), resolution=16)
 
-    irradiance = light.irradiance(tuple(normals))
+    irradiance = light.irradiance(vec3(normals))
     assert irradiance / np.pi == pytest.approx((torch.ones(3, 3) + normals * 2 / 3).numpy(), rel=0.01)
 
 
