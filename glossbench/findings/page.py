@@ -80,14 +80,18 @@ def _numbers(claim: Mapping[str, Any]) -> str:
     cases = claim["numbers"]
     if not cases:
         return str(claim["summary"])
-    ends = [pick(cases, key=lambda case: case["value"]) for pick in (min, max)]
+    finite = [case for case in cases if case["value"] is not None]
+    if not finite:
+        return f"{claim['quantity']}: infinite"
+    ends = [pick(finite, key=lambda case: case["value"]) for pick in (min, max)]
     shown = " to ".join(dict.fromkeys(map(_interval, ends)))
     return f"{claim['quantity']}: {shown}"
 
 
 def _interval(case: Mapping[str, Any]) -> str:
-    low, value, high = (f"{case[key]:.3g}" for key in ("low", "value", "high"))
-    return value if low == high else f"{value} [{low}, {high}]"
+    """The number of a case and its interval; a number that is not finite is stored as None."""
+    low, value, high = ("?" if case[key] is None else f"{case[key]:.3g}" for key in ("low", "value", "high"))
+    return value if low == value == high else f"{value} [{low}, {high}]"
 
 
 def _cell(text: str) -> str:

@@ -66,6 +66,15 @@ def test_a_number_without_noise_shows_no_interval():
     assert "| rms of a over b: 17 |" in page
 
 
+def test_a_number_that_is_not_finite_is_left_out_and_an_unknown_interval_is_marked():
+    cases = [case(None, None, None), case(0.5, None, None)]
+
+    page = findings_page([summary(claims=[claim(numbers=cases), claim(numbers=cases[:1])])])
+
+    assert "| rms of a over b: 0.5 [?, ?] |" in page
+    assert "| rms of a over b: infinite |" in page
+
+
 def test_a_claim_without_a_case_says_why():
     assert "| none | Not tested: x. |" in findings_page([summary(claims=[claim(verdict="not tested")])])
 
