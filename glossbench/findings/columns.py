@@ -18,6 +18,7 @@ __all__ = [
     "columns_of",
     "columns_to_json",
     "metric_columns",
+    "metric_options",
 ]
 
 
@@ -39,9 +40,16 @@ def column_of_metric(name: str, options: Mapping[str, Any] | None = None, called
 
 def metric_columns(metrics: Iterable[Any]) -> list[Column]:
     """The columns of the metrics of a resolved study; it states each as a name or {name: options}."""
+    return [
+        column_of_metric(name, options, called if called != name else "")
+        for called, (name, options) in metric_options(metrics).items()
+    ]
+
+
+def metric_options(metrics: Iterable[Any]) -> dict[str, tuple[str, Mapping[str, Any]]]:
+    """For each column of a metric that a resolved study states, the name and the options of the metric."""
     stated = [(each, {}) if isinstance(each, str) else next(iter(each.items())) for each in metrics]
-    named = zip(stated, column_names(stated), strict=True)
-    return [column_of_metric(name, options, called if called != name else "") for (name, options), called in named]
+    return dict(zip(column_names(stated), stated, strict=True))
 
 
 def columns_of(metrics: Iterable[Any]) -> dict[str, Column]:

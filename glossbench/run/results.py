@@ -24,9 +24,10 @@ from typing import Any
 import pandas
 
 from glossbench.errors import InputError
-from glossbench.findings.columns import Column, columns_from_json, columns_of, columns_to_json, metric_columns
+from glossbench.findings.columns import Column, columns_from_json, columns_of, columns_to_json, metric_options
 from glossbench.findings.descriptions import Descriptions, describe_study
 from glossbench.findings.verdicts import judge
+from glossbench.metrics import METRICS, Metric
 from glossbench.run.cell_files import CellFiles
 from glossbench.run.manifest import COMPARED, KEPT, SUMMARY, Manifest, entry, listed
 from glossbench.strict_json import dumps, loads
@@ -165,7 +166,12 @@ class Results(CellFiles):
     @property
     def metrics(self) -> list[str]:
         """The columns of the study's metrics, in their order."""
-        return [column.name for column in metric_columns(self.study["metrics"])]
+        return list(metric_options(self.study["metrics"]))
+
+    def metric(self, column: str) -> Metric | None:
+        """The metric of a column, with the options that the study states; None if it is not installed here."""
+        name, options = metric_options(self.study["metrics"]).get(column, (column, {}))
+        return METRICS.create(name, options) if name in METRICS.names() else None
 
     @property
     def descriptions(self) -> Descriptions:

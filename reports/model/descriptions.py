@@ -41,7 +41,7 @@ def defined(names: Sequence[str], known: Descriptions) -> list[Definition]:
     found = []
     for name in names:
         of = known.of("metric", name) or known.of("metric", name.partition(" ")[0])
-        found.append(Definition(name, of.unit.replace("1", "") if of else "", of.formula if of else ""))
+        found.append(Definition(name, "" if of is None or of.unit == "1" else of.unit, of.formula if of else ""))
     return found
 
 

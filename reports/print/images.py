@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 
 from .. import raster, style
@@ -37,7 +36,7 @@ class PrintedGroup:
         self.reference = results.reference(key).astype(np.float64)
         self.mask = results.mask(key)
         self.exposure = raster.exposure_of(self.reference, self.mask)
-        self.metric = METRICS.create(metric, {}) if metric is not None and metric in METRICS.names() else None
+        self.metric = results.metric(metric) if metric is not None else None
         self.signed = self.metric is None or self.metric.signed
         self.noise = results.standard_error(key).mean(axis=2) if self.metric is None else None
         self.errors = {cell.row["key"]: self._error(cell) for cell in group.done}

@@ -14,6 +14,7 @@ import torch
 from glossbench import atomic
 from glossbench.atomic import replacing
 from glossbench.errors import InputError
+from glossbench.metrics import METRICS
 from glossbench.run.cell_files import key_of
 from glossbench.run.results import Results
 from glossbench.shading.image import Image
@@ -250,3 +251,13 @@ def test_a_file_in_the_way_of_the_folder_is_an_error(tmp_path, path):
 def test_a_folder_without_results_is_an_error(tmp_path):
     with pytest.raises(InputError, match=r"holds no results: there is no cells.parquet in it$"):
         Results.open(tmp_path)
+
+
+def test_the_metric_of_a_column_has_the_options_that_the_study_states(tmp_path):
+    results = Results(tmp_path)
+    (tmp_path / "study.yaml").write_text("metrics: [rms, flip: {pixels_per_degree: 40.0}]\n")
+
+    assert results.metric("flip") == METRICS.create("flip", {"pixels_per_degree": 40.0})
+    assert results.metric("flip") != METRICS.create("flip", {})
+    assert results.metric("smape") == METRICS.create("smape", {})
+    assert results.metric("of_a_plug_in") is None
