@@ -97,7 +97,7 @@ def test_a_plugin_that_is_not_there_says_where_it_was_looked_for(study):
     assert str(caught.value) == f"no such module: not in {study} nor {Path.cwd()}, nor installed"
 
     write(study, lab_c__in____init__="")
-    with pytest.raises(InputError, match=r"no such module: lab_c is .*__init__\.py, which has none of this name$"):
+    with pytest.raises(InputError, match=r"no such module: lab_c is .*__init__\.py, which does not contain it$"):
         import_plugin("lab_c.none", study)
 
 

@@ -58,7 +58,7 @@ class Folder:
                     raise NotADirectoryError(0, os.strerror(errno.ENOTDIR))
                 folder.mkdir(parents=True, exist_ok=True)
                 if not os.access(folder, os.W_OK | os.X_OK):
-                    raise PermissionError(0, "it may only be read; name another folder by -o")
+                    raise PermissionError(0, "it is read-only; choose another folder with -o")
                 remove_abandoned(folder)
         except UnicodeEncodeError:
             raise InputError(f"cannot write results to {str(self.root)!a}: the name is not UTF-8") from None
@@ -74,7 +74,7 @@ class Folder:
         manifest = self.manifest
         manifest.check_foreign(self.root, names)
         if not os.access(self.root, os.W_OK | os.X_OK):
-            raise CannotWrite(self.root / names[0], "the folder may only be read")
+            raise CannotWrite(self.root / names[0], "the folder is read-only")
         if not set(names) <= set(manifest.files):
             replace(manifest, files={**manifest.files, **dict.fromkeys(names)}).write(self.root)
 

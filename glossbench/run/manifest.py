@@ -55,8 +55,8 @@ class Manifest:
         for name in names:
             if name not in self.files and os.path.lexists(folder / name):
                 raise InputError(
-                    f"{folder / name} was not written by glossbench, and would be lost: move it away, or name another "
-                    "place by -o"
+                    f"{folder / name} was not written by glossbench, and would be lost: move it away, or choose "
+                    "another folder with -o"
                 )
 
     def missing(

@@ -54,7 +54,7 @@ class Results(CellFiles):
         results = cls(folder)
         for name in ["study.yaml"] if results.disk.manifest.cells else ["cells.parquet", *SUMMARY]:
             if not results.disk.path(name).is_file():
-                raise InputError(f"{results.folder} holds no results: there is no {name} in it")
+                raise InputError(f"{results.folder} holds no results: {name} is missing")
         return results
 
     def create(self) -> None:
@@ -83,10 +83,10 @@ class Results(CellFiles):
         if missing and not is_part:
             raise InputError(
                 f"{self.folder} holds results that this run does not have, and that would be lost: {listed(missing)}; "
-                "name another folder by -o"
+                "choose another folder with -o"
             )
         if is_part:
-            return f"{self.folder} keeps what else it has of this study: {listed(missing)}"
+            return f"{self.folder} keeps its other results of this study: {listed(missing)}"
         if cells != old.cells or study != before:
             Manifest(cells, {**old.files, **dict.fromkeys((*SUMMARY, *KEPT))}).write(self.folder)
             self.disk.write("study.yaml", dump(dict(study)))

@@ -230,7 +230,7 @@ class _Builder:
         except ValueError:
             zeros = f"; write {node.value.lstrip('0') or 0}, or 0o{node.value.lstrip('0')} for base 8"
             instead = zeros if re.fullmatch(r"0[0-9]+", node.value) else ""
-            raise _error(self._document.file, *place, f"{node.value!r:.40} is no {tag}{instead}") from None
+            raise _error(self._document.file, *place, f"{node.value!r:.40} is not a valid {tag}{instead}") from None
 
 
 def _fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:

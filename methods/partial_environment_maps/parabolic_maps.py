@@ -132,7 +132,7 @@ def build_parabolic_maps(light: CubeMap, partition: Partition, mip_filter: LobeF
     if needed > limit:
         raise InputError(
             f"{n} parabolic partial maps of 6 x {light.resolution}^2 texels need {needed / 1e9:.2f} GB, more than the "
-            f"limit of {limit / 1e9:.2f} GB; take fewer regions or a smaller light"
+            f"limit of {limit / 1e9:.2f} GB; use fewer regions or a smaller light"
         )
     texels = light.faces.new_empty(n_texels(windows), 3)
     texels[0] = 0

@@ -77,7 +77,7 @@ class Sweep:
     def title(self) -> str:
         """As an axis has it."""
         if self.name == SAMPLES:
-            return "light samples a pixel"
+            return "light samples per pixel"
         return f"{self.parameter} of the {self.kind}" if self.kind else self.parameter
 
     def value(self, row: Mapping[str, Any]) -> float | None:

@@ -8,7 +8,7 @@ from glossbench.findings.descriptions import Descriptions
 
 from .notation import Run, runs
 
-ABSENT = "Of a plug-in that is not installed here."
+ABSENT = "It belongs to a plug-in that is not installed here."
 INSTALLED = "The results do not say what the run knew of its methods: these are the words of what is installed here."
 
 

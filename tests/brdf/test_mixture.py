@@ -196,8 +196,8 @@ REFUSED = [
     ({"of": ["ggx", "kurrt"]}, "sum.of[1]: unknown material 'kurrt'; did you mean 'kurt'?"),
     ({"of": [{"kurt": {"n": 1}}]}, "sum.of[0]: kurt: unknown option 'n'; "),
     ({"of": ["ggx", {"kurt": {"m": 1.4}}]}, "sum.of[1]: kurt.m[0] must be less than or equal to 1, got 1.4"),
-    ({"of": ["kurt"] * 17}, "sum.of must have at most 16 lobes together, got 17"),
-    ({"of": ["kurt"], "weights": [1, 2]}, "sum.weights must be one a material, 1, got 2"),
+    ({"of": ["kurt"] * 17}, "sum.of must have at most 16 lobes in total, got 17"),
+    ({"of": ["kurt"], "weights": [1, 2]}, "sum.weights must have one weight per material, 1, got 2"),
     ({"of": ["kurt"], "weights": [-1]}, "sum.weights[0] must be greater than or equal to 0, got -1"),
     ({"of": ["kurt"], "wieghts": [1]}, "sum: unknown option 'wieghts'; did you mean 'weights'?"),
 ]

@@ -105,9 +105,9 @@ def test_a_written_light_is_read_by_what_it_says_of_itself(call):
     [
         (["-o", "out.png"], "out.png: the extension must be .exr, got '.png'"),
         (["-o", "gone/out.exr"], "gone/out.exr: cannot be written: No such file or directory"),
-        (["-o", "folder.exr"], "folder.exr: must be a file to write, is a folder"),
+        (["-o", "folder.exr"], "folder.exr: must be a file, but is a folder"),
         (["-o", "out.exr", "--as", "octahedron"], "unknown projection 'octahedron'; did you mean 'octahedral'?"),
-        (["-o", "out.exr", "--as-axes", "pbrt", "--as", "strip"], "axes 'pbrt' say nothing of the projection strip"),
+        (["-o", "out.exr", "--as-axes", "pbrt", "--as", "strip"], "axes 'pbrt' do not apply to the projection strip"),
     ],
 )  # fmt: skip
 def test_a_light_that_cannot_be_written_is_refused_before_it_is_made(call, monkeypatch, options, message):

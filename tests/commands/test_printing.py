@@ -17,7 +17,7 @@ def told(monkeypatch, capsys, **columns):
 def test_a_busy_machine_is_told_in_one_line(monkeypatch, capsys):
     text = told(monkeypatch, capsys, busy=[0.05, 0.3, 0.6])
 
-    assert text.startswith("2 of 3 cells were timed while other programs took the processor for 60 % of the time")
+    assert text.startswith("2 of 3 cells were timed while other programs used up to 60 % of the processor time")
     assert text.count("\n") == 1
 
 

@@ -342,7 +342,7 @@ def test_a_budget_that_is_no_option_breaks_a_claimed_slope(truth):
     outcome = check_converges(Misspelt(), truth)
 
     assert outcome.kept is False
-    assert outcome.measured == "the contract's budget is 'sampels', which is no option"
+    assert outcome.measured == "the contract's budget is 'sampels', which is not an option"
 
 
 def test_a_method_at_the_noise_floor_converges(truth):
@@ -529,8 +529,16 @@ def test_all_checks_run_on_a_method_without_options_and_black_is_broken(module):
 @pytest.mark.parametrize(
     ("name", "code", "message"),
     [
-        ("importance_samplin", None, r"^unknown method 'importance_samplin', nor a module; did you mean"),
-        ("unheard_of", None, r"^unknown method 'unheard_of', nor a module: no such module: not in /.*, nor installed$"),
+        (
+            "importance_samplin",
+            None,
+            r"^'importance_samplin' is neither a method nor a module; did you mean",
+        ),
+        (
+            "unheard_of",
+            None,
+            r"^'unheard_of' is neither a method nor a module: no such module: not in /.*, nor installed$",
+        ),
         ("json", None, "^module 'json' registers no method$"),
         (
             "contract_test_broken",

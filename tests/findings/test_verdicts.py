@@ -151,8 +151,7 @@ def test_one_case_that_does_not_hold_decides():
     assert judgement["verdict"] == "does not hold"
     assert [n["verdict"] for n in judgement["numbers"]] == ["holds", "holds", "does not hold"]
     assert judgement["summary"] == (
-        "Holds in 2 of 3 cases; rms of a over b: from 0.5 (spots, kurt (m [0.1, 0.1]), sphere, samples 14) "
-        "to 1.5 (spots, kurt (m [0.3, 0.3]), sphere, samples 14)."
+        "Holds in 2 of 3 cases; rms of a over b: 0.5 to 1.5; lowest for m [0.1, 0.1]; highest for m [0.3, 0.3]."
     )
 
 
@@ -169,7 +168,7 @@ def test_cases_within_noise_do_not_stop_a_claim_that_holds_elsewhere():
 
     assert judgement["verdict"] == "holds"
     assert judgement["summary"].startswith("Holds in 1 of 2 cases, 1 within noise;")
-    assert "from 0.5 [0.4882, 0.5118] (spots, kurt (m 0.1)" in judgement["summary"]
+    assert ": 0.5 [0.4882, 0.5118] to 0.9804 [0.9572, 1.004]; lowest for m 0.1;" in judgement["summary"]
 
 
 def test_equal_cases_stop_no_claim_that_holds_elsewhere_and_come_before_noise():
@@ -218,7 +217,7 @@ def test_one_seed_says_that_its_spread_is_not_known():
     judgement = verdict_on(LOWER, *seeded("a", {1: 0.9}), *seeded("b", {4: 1.2}))
 
     assert judgement["verdict"] == "holds"
-    assert "; seeds: 1 of a, 1 of b (one alone does not tell its spread)." in judgement["summary"]
+    assert "; seeds: 1 of a, 1 of b (the spread of a single seed is not known)." in judgement["summary"]
 
 
 def test_the_spread_that_both_methods_share_over_the_same_seeds_cancels():
@@ -290,7 +289,7 @@ def test_cells_of_other_places_are_never_paired(place):
     judgement = verdict_on(LOWER, cell("a"), cell("b", **{place: other}))
 
     assert judgement["verdict"] == "not tested"
-    assert judgement["summary"] == "Not tested: cells without a partner: 1."
+    assert judgement["summary"] == "Not tested: cells without a counterpart: 1."
 
 
 def test_options_that_one_method_sweeps_are_compared_each_and_told_apart():
@@ -609,7 +608,38 @@ def test_lights_of_one_file_name_are_told_apart_in_verdicts():
     rows = [cell("a", light="file", light_options={"file": f"/{at}/probe.hdr"}, n_samples=n)
             for at, n in (("x", 14), ("y", 15))]  # fmt: skip
 
-    assert "14 (x/probe.hdr, kurt, sphere) to 15 (y/probe.hdr, kurt, sphere)" in verdict_on(VALUE, *rows)["summary"]
+    summary = verdict_on(VALUE, *rows)["summary"]
+
+    assert summary.endswith(": 14 to 15; lowest for x/probe.hdr; highest for y/probe.hdr.")
+
+
+def test_a_sentence_names_only_what_its_cases_do_not_share():
+    rows = [
+        cell(method, light=light, light_options={"resolution": 64, "contrast": c}, rms=rms)
+        for light, c, errors in (("spots", 2, (1, 4)), ("spots", 3, (2, 4)), ("sky", 2, (3, 4)))
+        for method, rms in zip("ab", errors, strict=True)
+    ]
+
+    assert ": 0.25 to 0.75; lowest for spots with contrast 2; highest for sky." in verdict_on(LOWER, *rows)["summary"]
+    of_spots = verdict_on({**LOWER, "where": {"light": "spots"}}, *rows)
+    assert of_spots["summary"].endswith(": 0.25 to 0.5; lowest for contrast 2; highest for contrast 3.")
+
+
+def test_one_case_needs_no_name():
+    assert verdict_on(VALUE, cell("a"))["summary"] == "Holds in 1 of 1 cases; n_samples of a: 14."
+
+
+def test_cells_that_took_other_numbers_of_samples_say_so():
+    [number] = verdict_on(LOWER, cell("a", n_samples=19), cell("b", n_samples=17))["numbers"]
+
+    assert number["where"] == "spots, kurt, sphere, samples 14, 19 samples against 17 samples"
+
+
+def test_budgets_of_two_names_are_both_named():
+    rows = [cell(m, rms=rms, options={name: n}, budget=name)
+            for m, name, rms in (("a", "samples", 1.0), ("b", "rays", 2.0)) for n in (14, 17)]  # fmt: skip
+
+    assert verdict_on(LOWER, *rows)["numbers"][1]["where"] == "spots, kurt, sphere, samples 17 against rays 17"
 
 
 def test_a_budget_that_is_no_positive_number_is_left_out():

@@ -176,7 +176,7 @@ def test_the_pointer_on_a_point_shows_its_cell_and_marks_it_in_every_plot(page):
 
     tip = page.text(".tip")
     assert tip.startswith("regular_sampling")
-    assert "light samples a pixel: 16" in tip
+    assert "light samples per pixel: 16" in tip
     assert "shading time [ms]: 1.60" in tip
     marked = page.do("[...document.querySelectorAll('.point.active')].map((point) => point.dataset.key)")
     assert set(marked) == {"regular_sampling-16-0"}

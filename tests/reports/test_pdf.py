@@ -130,7 +130,7 @@ def test_same_results_give_the_same_bytes(folder, plain):
 
 
 def test_plots_are_lines_and_text(report):
-    plots = next(page for page in pages_of(report) if "light samples a pixel" in page["text"])
+    plots = next(page for page in pages_of(report) if "light samples per pixel" in page["text"])
 
     assert "shading time [ms]" in plots["text"]
     assert re.search("regular_sampling, slope −0.5[01]", plots["text"])  # errors fall as N^-1/2, with noise
@@ -217,7 +217,10 @@ def test_a_method_is_told_by_what_follows_its_formula():
 
     assert told["environment_sampling"].startswith("with ω drawn in proportion to luminance")
     assert told["filtered_importance_sampling"].startswith("ω is drawn by the BRDF's own sampler")
-    assert described(["of_a_plug_in"], INSTALLED)[0].text[0][0].text == "Of a plug-in that is not installed here."
+    assert (
+        described(["of_a_plug_in"], INSTALLED)[0].text[0][0].text
+        == "It belongs to a plug-in that is not installed here."
+    )
 
 
 @pytest.mark.parametrize(

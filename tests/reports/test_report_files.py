@@ -174,7 +174,7 @@ def test_a_damaged_flip_map_is_made_again(folder, harm):
 def test_a_folder_that_may_only_be_read_is_one_line(folder, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
 
-    with pytest.raises(InputError, match=r"report\.html: cannot be written: the folder may only be read$"):
+    with pytest.raises(InputError, match=r"report\.html: cannot be written: the folder is read-only$"):
         html.write_report(folder)
 
 

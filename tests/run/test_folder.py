@@ -335,7 +335,7 @@ def test_a_pipe_among_results_is_refused(folder):
 def test_a_folder_that_may_only_be_read_stops_the_run_and_is_read(made, folder, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
 
-    with pytest.raises(InputError, match=r"r: it may only be read; name another folder by -o$"):
+    with pytest.raises(InputError, match=r"r: it is read-only; choose another folder with -o$"):
         run_study(made[0], folder)
 
     assert len(Results.open(folder).cells) == 3
@@ -349,7 +349,7 @@ def test_a_part_of_a_study_leaves_the_fuller_results(made, folder):
 
     said = said_by(study.only(["flat"]), folder)
 
-    assert said == [f"{folder} keeps what else it has of this study: method regular_sampling"]
+    assert said == [f"{folder} keeps its other results of this study: method regular_sampling"]
     assert remains(folder) == expected
 
 
@@ -391,14 +391,14 @@ def test_results_that_another_study_would_lose_are_not_written_over(folder, tmp_
     before = everything(folder)
     study = study_in(tmp_path, **{**STUDY, "claims": "[]", **change})
 
-    with pytest.raises(InputError, match=rf"that would be lost: .*{lost}.*; name another folder by -o$"):
+    with pytest.raises(InputError, match=rf"that would be lost: .*{lost}.*; choose another folder with -o$"):
         run_study(study, folder)
 
     assert everything(folder) == before
 
 
 def test_results_of_another_seed_are_not_written_over(made, folder):
-    with pytest.raises(InputError, match=r"that would be lost: .*seed 0; name another folder by -o$"):
+    with pytest.raises(InputError, match=r"that would be lost: .*seed 0; choose another folder with -o$"):
         run_study(made[0].with_seed(5), folder)
 
 

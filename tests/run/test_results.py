@@ -249,7 +249,7 @@ def test_a_file_in_the_way_of_the_folder_is_an_error(tmp_path, path):
 
 
 def test_a_folder_without_results_is_an_error(tmp_path):
-    with pytest.raises(InputError, match=r"holds no results: there is no cells.parquet in it$"):
+    with pytest.raises(InputError, match=r"holds no results: cells.parquet is missing$"):
         Results.open(tmp_path)
 
 

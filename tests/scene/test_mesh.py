@@ -82,7 +82,9 @@ def test_faces_that_wind_against_their_neighbours_are_turned():
 
     mesh = make_mesh(vertices, mixed)
 
-    assert mesh.repairs == (f"turned {wrong.sum()} of {len(faces)} faces, which wound against their neighbours",)
+    assert mesh.repairs == (
+        f"turned {wrong.sum()} of {len(faces)} faces, whose winding was opposite to that of their neighbours",
+    )
     right = make_mesh(vertices, faces)
     assert volume(mesh) == pytest.approx(volume(right), rel=1e-12)  # measured 0
     np.testing.assert_allclose(mesh.normals, right.normals, atol=1e-15)  # measured 0
@@ -138,7 +140,7 @@ def test_stated_normals_that_are_none_are_made_anew(bad):
 
     mesh = make_mesh(SQUARE, HALVES, normals)
 
-    assert mesh.repairs == ("made new normals, as the stated ones are not finite or zero",)
+    assert mesh.repairs == ("computed new normals, because the stated ones are zero or not finite",)
     np.testing.assert_array_equal(mesh.normals, np.tile([0.0, 0, 1], (4, 1)))
 
 

@@ -291,4 +291,7 @@ def test_a_reference_that_missed_its_noise_target_is_told(noise, warned):
     with err.capture() as capture:
         warn_of_noise(cells)
 
-    assert ("1 of 1 references did not meet the noise asked for: 1 % of the mean for 0.5 %" in capture.get()) == warned
+    assert (
+        "1 of 1 references stopped at reference.max_samples with noise up to 1 % of the mean; the target was 0.5 %"
+        in capture.get()
+    ) == warned

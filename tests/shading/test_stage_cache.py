@@ -101,7 +101,7 @@ def test_a_value_that_is_written_to_through_numpy_breaks_the_check_and_is_made_a
     cache = StageCache()
     prepare(Chained(x=1.0), INPUTS, cache)["second"].value.numpy()[0] = 99
 
-    with pytest.raises(MethodError, match=r"^mine writes into the memory of 'second', which others read$"):
+    with pytest.raises(MethodError, match=r"^mine writes into the memory of 'second', which is also used elsewhere$"):
         cache.check("mine")
 
     assert third_of(1.0, cache) == 4.0

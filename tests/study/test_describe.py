@@ -90,7 +90,7 @@ def test_exclude_says_how_many_cells_are_left_out(words):
 def test_a_device_that_is_not_here_is_said(words, monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
 
-    assert words("device", device="cuda") == "cuda: there is none here, so that `run` refuses"
+    assert words("device", device="cuda") == "cuda: this machine has none, so `run` refuses the study"
 
 
 def about(write, claim: str, **changes: str) -> list[Count]:
@@ -135,7 +135,7 @@ def test_a_claim_whose_sides_never_meet_is_said_to_be_untestable(words):
 
     said = words("claims", claims=f"[{{text: A, {PAIR}, paired_by: samples}}]", exclude=exclude)
 
-    assert said == ("0 pairs: A (cannot be tested: no cell of one side has a partner of the same "
+    assert said == ("0 pairs: A (cannot be tested: no cell of one side has a counterpart with the same "
                     "light, material, view, samples)")  # fmt: skip
 
 

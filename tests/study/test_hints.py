@@ -37,7 +37,7 @@ HINTS = [
     ("title:T\nlight: constant\n", "2:6", f"{NO_COLON}; a colon needs a space after it, on the line above: title: T"),
     ("title: T\n light: constant\n", "2:7", f"{NO_COLON}; it is indented deeper than the line above"),
     (a_study(methods="\n- importance_sampling:\n    samples: 16\n   seed: 3"), "8:4",
-     "expected <block end>, but found '<block mapping start>'; its indentation is that of no key above it"),
+     "expected <block end>, but found '<block mapping start>'; its indentation fits no key above it"),
     (a_study(methods="\n- importance_sampling:\n  samples: 16"), "6:3",
      "methods[0] must be a name, or one name with its options below it, got the keys 'importance_sampling', 'samples'; "
      "indent 'samples' deeper than 'importance_sampling'"),
@@ -84,7 +84,7 @@ HINTS = [
     (a_study(plugins="[my_method.py]"), "6:11",
      "plugins[0] must be the dotted name of a module, without .py: my_method"),
     (a_study(exclude="{samples: 4}"), "6:10", "exclude must be a valid list, got {'samples': 4}; begin each of its "),
-    (a_study(claims=""), "6:8", "claims must be a valid list, got None; leave out a key of no value"),
+    (a_study(claims=""), "6:8", "claims must be a valid list, got None; remove a key that has no value"),
     (a_study(metric="rms", plugin="[x]", timelimit="3"), "6:1",
      "unknown key 'metric'; did you mean 'metrics'?; and 'plugin' on line 7; did you mean 'plugins'?; and 'timelimit' "
      "on line 8; did you mean 'time_limit'?"),
@@ -104,7 +104,7 @@ HINTS = [
      "methods.regular_sampling.mip_bias.range must have at most 2 items, not 3, got [0, 1, 2]"),
     # Claims and exclusions
     (a_claim("higher: importance_sampling, than: importance_sampling, metric: rms"), "6:10",
-     "claims[0] needs one of the keys lower, slope, ratio, value, got none; in place of 'higher' write lower, with the "
+     "claims[0] needs one of the keys lower, slope, ratio, value, got none; instead of 'higher' write lower, with the "
      "two sides exchanged"),
     (a_claim("better: importance_sampling, than: importance_sampling, metric: rms"), "6:10",
      "claims[0] needs one of the keys lower, slope, ratio, value, got none; that one side has the lower error is "),
@@ -117,16 +117,17 @@ HINTS = [
     (a_claim(f"{VALUE}, where: {{method: importance_sampling}}"), "6:84",
      "claims[0].where.method: a claim's methods are its sides"),
     (a_claim("lower: [importance_sampling], than: importance_sampling, metric: rms"), "6:27",
-     "claims[0].lower must be a method, or {method: {option: value}}, beside it light, material or view at most"),
+     "claims[0].lower must be a method, or {method: {option: value}}; further keys may be light, material and view"),
     (a_claim("lower: {importance_sampling: {}, samples: 4}, than: importance_sampling, metric: rms"), "6:27",
-     "claims[0].lower must be a method, or {method: {option: value}}, beside it light, material or view at most; "
+     "claims[0].lower must be a method, or {method: {option: value}}; further keys may be light, material and view; "
      "options go inside: {importance_sampling: {samples: ...}}"),
     (a_claim("value: importance_sampling, of: rms, between: 1"), "6:66",
-     "claims[0].between must be [low, high], null for what has no bound, got 1"),
+     "claims[0].between must be [low, high], with null for a missing bound, got 1"),
     (a_study(exclude="[{method: importance_samplin}]"), "6:20",
      "exclude[0].method: no method 'importance_samplin' in this study; did you mean 'importance_sampling'?"),
     (a_study(exclude="[{importance_sampling: {samples: 4}}]"), "6:12",
-     "exclude[0]: unknown key 'importance_sampling'; write method: importance_sampling, and options beside it"),
+     "exclude[0]: unknown key 'importance_sampling'; write method: importance_sampling, "
+     "with its options as further keys"),
     (a_study(exclude="[{method: [[importance_sampling]]}]"), "6:20",
      "exclude[0].method: must be a method, {method: {option: value}}, or a list of these"),
     (a_study(exclude="[{samples: '4'}]"), "6:11", "exclude[0] fits no cell; they have samples 4, 8"),
@@ -191,7 +192,7 @@ def test_a_file_of_any_line_ends_and_with_a_mark_is_read(ends):
         ("base", "unknown study 'base'; did you mean 'base.yaml'?"),
         ("base.yml", "cannot read the study 'base.yml': No such file or directory; did you mean 'base.yaml'?"),
         ("bass.yaml", "cannot read the study 'bass.yaml': No such file or directory; did you mean 'base.yaml'?"),
-        ("notes.txt", "unknown study 'notes.txt'; the file of that name is no study: one ends in .yaml or .yml"),
+        ("notes.txt", "unknown study 'notes.txt'; the file of that name is not a study: a study ends in .yaml or .yml"),
         ("nothing.yaml", "cannot read the study 'nothing.yaml': No such file or directory"),
     ],
 )

@@ -409,7 +409,7 @@ def test_a_resolved_study_states_every_seed(write):
     [
         (-1, "seed must be at least 0, got -1"),
         (101, "drawn.seed must be less than or equal to 100, got 101"),
-        (5, "seed 5 is the one that a method of the study states, which is then there twice"),
+        (5, "seed 5 is also the stated seed of a method of the study, which would then be there twice"),
     ],
 )
 def test_a_seed_that_does_not_fit_is_an_error(write, seed, message):
@@ -710,7 +710,7 @@ WRONG = [
     # zip
     (
         a_study(methods="{sampler: {zip: {samples: [1, 2], bias: [0]}}}"),
-        "5:26: methods.sampler.zip pairs lists of one length, but samples has 2, bias has 1",
+        "5:26: methods.sampler.zip pairs lists of equal length, but samples has 2, bias has 1",
     ),
     (
         a_study(methods="{sampler: {zip: {samples: 1}}}"),

@@ -73,7 +73,7 @@ def test_senseless_options_are_refused(options, message):
 def test_a_file_that_is_missing_or_of_another_format_is_refused(data):
     with pytest.raises(InputError, match=r"no BRDF file 'gone.brdf'"):
         gb.material("measured", file="gone.brdf").key()
-    with pytest.raises(InputError, match="no tensor file: begins with"):
+    with pytest.raises(InputError, match="not a tensor file: it begins with"):
         gb.material("measured", file=str(data / "cayman.brdf"), format="rgl").reflectance()
 
 

@@ -457,7 +457,7 @@ def valued(path, *values):
     [
         ("a.hdr", lambda p: None, "no such file"),
         ("a.exr", lambda p: None, "no such file"),
-        ("a.exr", lambda p: p.mkdir(), "must be an image file, is a folder"),
+        ("a.exr", lambda p: p.mkdir(), "must be an image file, but is a folder"),
         ("a.hdr", lambda p: p.write_bytes(b""), r"is empty \(0 bytes\)"),
         ("a.gif", lambda p: p.write_bytes(b"x"), r"unknown extension '.gif'; known: .exr, .hdr, .pfm, .dds, .tif"),
         ("a.png", lambda p: p.write_bytes(b"x"), "is not a high-dynamic-range image; .* set ldr: true"),

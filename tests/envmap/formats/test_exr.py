@@ -176,7 +176,7 @@ def test_what_was_chosen_is_said(tmp_path):
     assert notes == {
         "bare": (),
         "combined": ("the layer Combined is read, of AO, Combined",),
-        "only": ("the layer sun is read, the only one of colour",),
+        "only": ("the layer sun is read, because only this one has colour",),
     }
 
 
@@ -264,7 +264,7 @@ def test_colour_counts_as_stored_where_alpha_is_below_one_and_this_is_said(tmp_p
 
 def test_the_shape_of_a_pixel_is_left_out_and_this_is_said(tmp_path):
     assert read_file(write(tmp_path / "a.exr", planes(rgb()), pixelAspectRatio=2.0)).notes == (
-        "its pixelAspectRatio of 2 is left out of account",
+        "its pixelAspectRatio of 2 is ignored",
     )
 
 

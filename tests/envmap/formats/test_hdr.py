@@ -78,7 +78,7 @@ def test_all_scan_orders_are_undone_in_either_coding(tmp_path, coding, order):
 @pytest.mark.parametrize(
     ("lines", "factor", "note"),
     [
-        ([b"EXPOSURE=0"], 1, "EXPOSURE=0 states nothing and counts as 1"),
+        ([b"EXPOSURE=0"], 1, "EXPOSURE=0 is not a factor and counts as 1"),
         ([b"EXPOSURE=0.0", b"EXPOSURE=4"], 1 / 4, "EXPOSURE=0 states"),
         ([b"EXPOSURE="], 1, "EXPOSURE= states"),
         ([b"GAMMA=0"], 1, "GAMMA=0 states"),

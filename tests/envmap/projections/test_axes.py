@@ -207,8 +207,8 @@ def test_the_mitsuba_convention_is_that_of_its_envmap_emitter():
 @pytest.mark.parametrize(
     ("axes", "projection", "message"),
     [
-        ("opengl", "lat_long", "axes 'opengl' say nothing of the projection lat_long, only of vertical_cross"),
-        ("mitsuba", "strip", "axes 'mitsuba' say nothing of the projection strip, only of lat_long"),
+        ("opengl", "lat_long", "axes 'opengl' do not apply to the projection lat_long, only to vertical_cross"),
+        ("mitsuba", "strip", "axes 'mitsuba' do not apply to the projection strip, only to lat_long"),
         ("bender", "lat_long", "unknown axes 'bender'; did you mean 'blender'"),
     ],
 )
