@@ -77,7 +77,7 @@ def told(facts: "LightFacts") -> dict[str, str]:
     if facts.projection is not None:
         axes = "" if facts.axes == "forward" else f", axes {facts.axes}"
         read_as = f"{facts.projection}{axes}, {facts.width} x {facts.height} pixels"
-        image_peak = f", of the file's pixels {facts.image_peak:.4g}"
+        image_peak = f" (brightest pixel of the file: {facts.image_peak:.4g})"
     return {
         "read as": read_as,
         "cube map": f"6 faces of {facts.resolution} x {facts.resolution} texels",

@@ -15,7 +15,7 @@ def conclude(cases: list[Case], quantity: str, notes: Counter[str], sides: Seque
     failed = notes.pop("cells failed", 0) if cases else 0
     left_out = "".join(f"; {what}: {count}" for what, count in sorted(notes.items()) if count)
     if not cases:
-        why = left_out.removeprefix("; ") or "the run has no cell that it is about"
+        why = left_out.removeprefix("; ") or "the run has no cell of this claim"
         return UNTESTED, f"Not tested: {why}."
     count = Counter(case.verdict for case in cases)
     verdict = next(v for v in (FAILS, HOLDS, EQUAL, NOISE) if count[v])

@@ -161,7 +161,7 @@ def _compose(file: str, text: str) -> Any:
         lines = text.splitlines()
         if mark.index < len(text) and text[mark.index] == "\t":
             indents = not lines[mark.line][: mark.column].strip()
-            problem = "a tab cannot indent; use spaces" if indents else "a tab cannot stand here; use a space"
+            problem = "a tab cannot indent; use spaces" if indents else "a tab is not allowed here; use a space"
         elif problem.startswith("could not find expected ':'"):  # the parser notices this only on a later line
             mark = error.context_mark or mark
         raise _error(file, *_place(mark), problem + hint(problem, lines, mark.line, mark.column)) from None

@@ -281,7 +281,7 @@ def test_a_resolved_study_spells_every_inner_option_out_and_loads_again(study_of
         ("{lafortune: {lobes: [{s: 1}, {s: -1}]}}", "material.lafortune.lobes[1]: lobe.s must be greater than or"),
     ],
 )  # fmt: skip
-def test_an_inner_fault_of_a_study_is_told_with_its_place(study_of, material, message):
+def test_an_inner_fault_of_a_study_is_reported_with_its_place(study_of, material, message):
     with pytest.raises(InputError) as raised:
         study_of(material)
 

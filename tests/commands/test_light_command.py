@@ -32,7 +32,7 @@ def test_light_says_what_it_understood(call):
     assert said["read as"] == "lat_long, 16 x 8 pixels"
     assert said["cube map"] == "6 faces of 4 x 4 texels"
     assert said["mean radiance"] == "2 2 2"
-    assert said["peak luminance"] == "2, of a pixel 2"
+    assert said["peak luminance"] == "2 (brightest pixel of the file: 2)"
     assert said["dynamic range"] == "1 : 1"
     assert said["brightest 0.1 %"] == "0.1 % of the energy"
     for side in ("up", "right", "forward"):
@@ -131,7 +131,7 @@ def test_light_takes_the_layer_that_is_named_and_says_what_it_chose(call):
         next(line for line in run.out.splitlines() if line.startswith("mean")).split()[2] for run in (of_itself, named)
     ]
     assert mean == ["2", "1"]
-    assert "probe.exr: the layer Combined is read, of AO, Combined" in of_itself.out
+    assert "probe.exr: the layer Combined is read, one of AO, Combined" in of_itself.out
     assert "is read" not in named.out
 
 

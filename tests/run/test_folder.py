@@ -211,7 +211,7 @@ def full(monkeypatch, ending: str) -> None:
 @pytest.mark.parametrize(
     "ending", ["_standard_error.exr", "_deviates.npz", "_mask.png", "_half_vectors.npy", "cells.parquet"]
 )
-def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_path, ending):
+def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_continues_later(made, tmp_path, ending):
     study, _, expected = made
     with pytest.MonkeyPatch.context() as patch:
         full(patch, ending)
@@ -260,7 +260,7 @@ def read_all(results: Results) -> None:
 
 
 @pytest.mark.parametrize("name", ["study.yaml", "cells.parquet", "provenance.json", "claims.json"])
-def test_a_file_of_somebody_else_stops_the_run_before_it_writes(made, tmp_path, name):
+def test_a_foreign_file_stops_the_run_before_it_writes(made, tmp_path, name):
     home = tmp_path / "home"
     home.mkdir()
     (home / name).write_text("precious")

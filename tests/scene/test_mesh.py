@@ -61,7 +61,7 @@ def test_too_many_faces_are_refused(monkeypatch):
 # What is repaired, and what needs no repair.
 
 
-def test_faces_without_area_are_left_out_and_it_is_said():
+def test_faces_without_area_are_left_out_with_a_note():
     mesh = make_mesh(SQUARE, [*HALVES, [0, 0, 1], [0, 1, 0]])
 
     assert len(mesh.faces) == 2
@@ -134,7 +134,7 @@ def test_an_edge_of_three_faces_is_taken_as_it_is():
 
 
 @pytest.mark.parametrize("bad", [NAN, 0.0])
-def test_stated_normals_that_are_none_are_made_anew(bad):
+def test_invalid_normals_of_a_file_are_computed_again(bad):
     normals = np.tile([0.0, 0, 2.0], (4, 1))
     normals[2] = bad
 
@@ -220,7 +220,7 @@ def test_vertices_of_one_place_share_their_normal():
     np.testing.assert_allclose(order(mesh), order(make_mesh(vertices, faces)), atol=1e-15)  # measured 0
 
 
-# Shapes: their normals and tangents against differences of their own vertices.
+# Shapes: their normals and tangents against differences of their vertices.
 
 
 @pytest.mark.parametrize("shape", SHAPES)

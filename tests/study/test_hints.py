@@ -1,4 +1,4 @@
-"""What a study's author meant, said beside what is wrong: each line says what to write instead."""
+"""Hints in the messages for wrong studies: each line says what to write instead."""
 
 from pathlib import Path
 
@@ -50,7 +50,7 @@ HINTS = [
      "could not find expected ':'; a plain dash and a space begin an item: - importance_sampling"),
     (a_study(title='"a" and b'), "1:12", "expected <block end>, but found '<scalar>'; text that begins with a sign"),
     (a_study(title="%a"), "1:8", "found character '%' that cannot start any token; text that begins with a sign needs"),
-    (a_study(methods="{importance_sampling:\t{samples: 4}}"), "5:31", "a tab cannot stand here; use a space"),
+    (a_study(methods="{importance_sampling:\t{samples: 4}}"), "5:31", "a tab is not allowed here; use a space"),
     (a_study(methods="{importance_sampling: {samples:16}}"), "5:33",
      "methods.importance_sampling: unknown option 'samples:16'; a colon needs a space after it: samples: 16"),
     (a_study(methods="\n- importance_sampling: {<<: {samples: 4}}"), "6:25",
@@ -196,7 +196,7 @@ def test_a_file_of_any_line_ends_and_with_a_mark_is_read(ends):
         ("nothing.yaml", "cannot read the study 'nothing.yaml': No such file or directory"),
     ],
 )
-def test_a_study_that_is_not_there_offers_the_file_beside_it(asked, said):
+def test_the_message_for_a_missing_study_offers_the_file_next_to_it(asked, said):
     Path("base.yaml").write_text(a_study())
     Path("notes.txt").touch()
 

@@ -23,7 +23,7 @@ class Called(NamedTuple):
 
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
-    """An empty current folder, and no data beside it."""
+    """An empty current folder, and no folder of data."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.delenv("GLOSSBENCH_DATA", raising=False)
@@ -274,7 +274,7 @@ def test_a_file_that_refuses_to_be_read_is_one_line(call):
 
 
 @pytest.mark.parametrize("name", ["../my", "a/b", "/etc/passwd", "", "quickstart/..", "quickstart.yaml/"])
-def test_a_name_of_a_study_is_no_path(call, name):
+def test_a_name_of_a_study_is_not_a_path(call, name):
     code, out, err = call("run", name)
 
     assert (code, out) == (2, "")

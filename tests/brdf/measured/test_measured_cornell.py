@@ -114,7 +114,7 @@ def test_factors_of_a_product_are_found_from_scattered_samples(file):
     assert relative_l2(table, made) < 0.015
 
 
-# Files that are none.
+# Invalid files.
 
 
 def a_file(wavelengths=WAVELENGTHS, rows=None):
@@ -153,7 +153,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_files_that_are_none_are_refused(tmp_path, name):
+def test_invalid_files_are_refused(tmp_path, name):
     content, message = WRONG[name]
     path = tmp_path / "x.brdf"
     path.write_text(content, encoding="utf-8")

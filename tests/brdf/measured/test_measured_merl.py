@@ -1,4 +1,4 @@
-"""MERL files: written here after the published format, read back by an evaluation of its own."""
+"""MERL files: written here after the published format, read back by a separate evaluation."""
 
 from math import pi
 

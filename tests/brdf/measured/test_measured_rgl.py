@@ -116,7 +116,7 @@ def test_albedo_by_the_tabulated_density_is_that_of_the_values(table):
     np.testing.assert_allclose(albedo, 2 * pi * (f * wi[:, 2:]).mean(0), rtol=3e-3)
 
 
-# Files that are none.
+# Invalid files.
 
 
 def write_tensors(path, arrays):

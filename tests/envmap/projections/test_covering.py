@@ -105,7 +105,7 @@ def test_a_cube_of_one_pixel_a_face_is_six_colours(tmp_path):
 @pytest.mark.parametrize(
     ("shape", "envmap", "said"), [((8, 16, 3), CUBE, "openexr_cube"), ((8, 8, 3), LAT_LONG, "lat_long")]
 )
-def test_an_attribute_that_does_not_fit_the_picture_is_left_out_and_this_is_said(tmp_path, shape, envmap, said):
+def test_an_attribute_that_does_not_fit_the_picture_is_ignored_with_a_note(tmp_path, shape, envmap, said):
     light = FileLight(file=write(tmp_path / "a.exr", np.ones(shape, np.float32), envmap=envmap))
 
     assert light.facts().projection == ("lat_long" if shape[1] == 16 else "angular")
@@ -114,7 +114,7 @@ def test_an_attribute_that_does_not_fit_the_picture_is_left_out_and_this_is_said
     )
 
 
-def test_a_stated_projection_wins_over_the_attribute_and_this_is_said(tmp_path):
+def test_a_stated_projection_wins_over_the_attribute_with_a_note(tmp_path):
     light = FileLight(file=write(tmp_path / "a.exr", cube_by_the_manual(8), envmap=CUBE), projection="strip")
 
     assert light.facts().projection == "strip"
@@ -207,7 +207,7 @@ def test_what_a_file_cannot_mean_is_left_out_and_this_is_said(tmp_path, covers):
     )
 
 
-def test_axes_that_a_file_says_and_nobody_knows_are_one_clear_line(tmp_path):
+def test_unknown_axes_of_a_file_are_one_clear_line(tmp_path):
     write_exr(tmp_path / "a.exr", torch.ones(8, 16, 3), covers=Covering("lat_long", "north"))
 
     with pytest.raises(InputError, match="unknown axes 'north'"):

@@ -346,7 +346,7 @@ def test_gltf_strips_joined_by_doubled_vertices_have_no_seam():
     assert_same(joined, make_mesh(CORNERS, [[0, 1, 3], [0, 3, 2]]))
 
 
-def test_gltf_sparse_numbers_take_the_place_of_others():
+def test_gltf_sparse_numbers_replace_others():
     file = tetrahedron()
     places, values = (
         file.view(np.array([3, 1], "u2").tobytes()),
@@ -550,7 +550,7 @@ def test_gltf_with_a_compression_that_has_a_way_around_it_is_read():
     assert_same(loaded("a.gltf", content), TETRAHEDRON)
 
 
-def test_gltf_buffer_beside_it_may_have_blanks_in_its_name():
+def test_gltf_buffer_in_another_file_may_have_blanks_in_its_name():
     file = tetrahedron()
     Path("my file.bin").write_bytes(file.data)
 
@@ -580,7 +580,7 @@ def test_stl_text_and_binary_are_the_same_mesh():
     assert refusal("a.stl", f"solid a\n{facets}") == "a.stl: STL file truncated: it ends without 'endsolid'"
 
 
-# What a name stands for.
+# The meaning of a name.
 
 
 def test_the_meaning_of_a_gltf_file_is_that_of_its_buffers_too():
