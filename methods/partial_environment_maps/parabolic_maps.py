@@ -201,8 +201,8 @@ def _spans(light: CubeMap, partition: Partition, frames: Frame, pitch: Tensor) -
     farthest = float(p.norm(dim=1).max())
     if farthest > LARGEST:
         raise InputError(
-            f"a parabolic map can hold a region up to {LARGEST:g} on its plane (127 degrees) from its direction; a region "
-            f"of this light reaches {min(farthest, 1e6):.3g}"
+            f"a parabolic map can hold a region up to {LARGEST:g} on its plane (127 degrees) from its direction; "
+            f"a region of this light reaches {min(farthest, 1e6):.3g}"
         )
     at, where = p / pitch[index][:, None], index[:, None].expand(-1, 2)
     empty = at.new_zeros(len(partition), 2)

@@ -69,7 +69,7 @@ HINTS = [
     (a_study(methods="\n- importance_sampling: {samples: 1_000}"), "6:34",
      f"{SAMPLES} must be a valid integer, got '1_000'; write 1000"),
     (a_study(methods="\n- importance_sampling: {samples: 010}"), "6:34",
-     "'010' is no int; write 10, or 0o10 for base 8"),
+     "'010' is not a valid int; write 10, or 0o10 for base 8"),
     (a_study(reference="{relative_error: 1%}"), "6:29",
      "reference.relative_error must be a valid number, got '1%'; write a number alone: 0.01"),
     (a_study(time_limit="60s"), "6:13", "time_limit must be a valid number, got '60s'; write 60 alone"),
@@ -107,7 +107,8 @@ HINTS = [
      "claims[0] needs one of the keys lower, slope, ratio, value, got none; instead of 'higher' write lower, with the "
      "two sides exchanged"),
     (a_claim("better: importance_sampling, than: importance_sampling, metric: rms"), "6:10",
-     "claims[0] needs one of the keys lower, slope, ratio, value, got none; that one side has the lower error is "),
+     "claims[0] needs one of the keys lower, slope, ratio, value, got none; to state that one side has the lower "
+     "error, write lower: METHOD, than: METHOD, metric: ERROR"),
     (a_claim("lowr: importance_sampling, than: importance_sampling, metric: rms"), "6:10",
      "claims[0] needs one of the keys lower, slope, ratio, value, got none; did you mean 'lower'?"),
     (a_claim(f"{VALUE}, where: {{light: [[constant]]}}"), "6:83",

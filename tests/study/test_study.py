@@ -618,7 +618,7 @@ WRONG = [
         "title: !!python/object:os.system x\n",
         "1:8: tag 'tag:yaml.org,2002:python/object:os.system' is not allowed",
     ),
-    ("title: !!int many\n", "1:8: 'many' is no int"),
+    ("title: !!int many\n", "1:8: 'many' is not a valid int"),
     ("title: T\nlight: a\x07b\n", "2:9: character U+0007 is not allowed in YAML"),
     ("title: &a [*a]\n", "1:8: more than 64 levels deep, or an alias inside itself"),
     # The top level
