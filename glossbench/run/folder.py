@@ -1,4 +1,4 @@
-"""A folder to which this program writes results. Its files may be damaged, or written by somebody else."""
+"""A folder to which this program writes results. Its files may be damaged, or written by another program."""
 
 import errno
 import os
@@ -69,7 +69,7 @@ class Folder:
         """Record in the manifest that files are this program's, before they are written.
 
         Raises:
-            InputError: one of them exists and belongs to somebody else.
+            InputError: one of them exists and was not written by glossbench.
         """
         manifest = self.manifest
         manifest.check_foreign(self.root, names)
