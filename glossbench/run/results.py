@@ -61,7 +61,7 @@ class Results(CellFiles):
         """Make the folders, and remove files that a killed run left half-written.
 
         Raises:
-            InputError: the folder cannot be written, or holds files that glossbench did not write and that would be lost.
+            InputError: the folder cannot be written, or holds foreign files that would be lost.
         """
         self.disk.manifest.check_foreign(self.folder, (*SUMMARY, *KEPT))
         self.disk.create()
@@ -75,7 +75,7 @@ class Results(CellFiles):
         of the earlier one adds its results to it, and the earlier study stays: the returned line says what it keeps.
 
         Raises:
-            InputError: the folder holds results of another study, or files that glossbench did not write; nothing is written.
+            InputError: the folder holds results of another study, or foreign files; nothing is written.
         """
         old, cells, before = self.disk.manifest, tuple(map(entry, rows)), self._study_before()
         missing = old.missing(before, study, cells)

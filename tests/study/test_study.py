@@ -793,7 +793,8 @@ WRONG = [
     ),
     (
         a_study(claims="[{text: A, lower: {light: glow}, than: sampler, metric: rms}]"),
-        "6:27: claims[0].lower must be a method, or {method: {option: value}}; further keys may be light, material and view",
+        "6:27: claims[0].lower must be a method, or {method: {option: value}}; further keys may be light, "
+        "material and view",
     ),
     (
         a_study(claims="[{text: A, lower: sampler, than: sampler, metric: rsm}]"),
