@@ -33,18 +33,18 @@ class Source(NamedTuple):
     names: dict[str, Imported]
 
 
-def source_of(file: Path, package: str) -> Source:
+def read_source(file: Path, package: str) -> Source:
     """The imports of a file of this package; empty if the file is not Python or cannot be parsed.
 
     It finds `import a.b`, `from a import b`, relative imports, imports inside functions, and literal names that are
     passed to import_module. It does not find computed names.
     """
     stat = file.stat()
-    return _source_of(file, package, stat.st_size, stat.st_mtime_ns)
+    return _read_source(file, package, stat.st_size, stat.st_mtime_ns)
 
 
 @lru_cache(maxsize=4096)
-def _source_of(file: Path, package: str, size: int, time: int) -> Source:
+def _read_source(file: Path, package: str, size: int, time: int) -> Source:
     if file.suffix != ".py":
         return Source((), {})
     text = file.read_bytes()
@@ -52,34 +52,34 @@ def _source_of(file: Path, package: str, size: int, time: int) -> Source:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError):
         return Source((), {})
-    imports = {each for node in _statements(tree.body) for _, each in _bound(node, package)}
+    imports = {each for node in _walk_statements(tree.body) for _, each in _find_bound(node, package)}
     if any(call.encode() in text for call in CALLS):
-        imports |= set(_called(tree))
-    names = {name: each for node in _outermost(tree.body) for name, each in _bound(node, package)}
+        imports |= set(_find_import_calls(tree))
+    names = {name: each for node in _walk_outermost(tree.body) for name, each in _find_bound(node, package)}
     return Source(tuple(sorted(imports)), names)
 
 
-def _statements(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
+def _walk_statements(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
     """All statements except those under `if TYPE_CHECKING`.
 
     Expressions do not contain statements, so most of the tree is not visited.
     """
     for node in body:
         if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
-            yield from _statements(node.orelse)
+            yield from _walk_statements(node.orelse)
             continue
         yield node
         for block in ("body", "orelse", "finalbody", "handlers", "cases"):
             inner = getattr(node, block, None)
-            yield from _statements(inner) if isinstance(inner, list) else ()
+            yield from _walk_statements(inner) if isinstance(inner, list) else ()
 
 
-def _outermost(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
+def _walk_outermost(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
     for node in body:
-        yield from _outermost([*node.body, *node.orelse]) if isinstance(node, ast.If) else [node]
+        yield from _walk_outermost([*node.body, *node.orelse]) if isinstance(node, ast.If) else [node]
 
 
-def _bound(node: ast.AST, package: str) -> Iterator[tuple[str, Imported]]:
+def _find_bound(node: ast.AST, package: str) -> Iterator[tuple[str, Imported]]:
     """The names that an import statement binds, and what they mean."""
     if isinstance(node, ast.Import):
         for alias in node.names:
@@ -91,7 +91,7 @@ def _bound(node: ast.AST, package: str) -> Iterator[tuple[str, Imported]]:
             yield alias.asname or alias.name, Imported(module, alias.name)
 
 
-def _called(tree: ast.AST) -> Iterator[Imported]:
+def _find_import_calls(tree: ast.AST) -> Iterator[Imported]:
     """Literal names that are passed to import_module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in CALLS:

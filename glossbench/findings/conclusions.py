@@ -18,22 +18,22 @@ def conclude(cases: list[Case], quantity: str, notes: Counter[str], sides: Seque
     verdict = next(v for v in (FAILS, HOLDS, EQUAL, NOISE) if count[v])
     others = "".join(f", {count[word]} {word}" for word in (EQUAL, NOISE) if count[word])
     low, high = (pick(cases, key=lambda case: case.found.value) for pick in (min, max))
-    span = f"{_number(low.found)} ({low.where})"
+    span = f"{_format_number(low.found)} ({low.where})"
     if len(cases) > 1:
-        span = f"from {span} to {_number(high.found)} ({high.where})"
+        span = f"from {span} to {_format_number(high.found)} ({high.where})"
     first = f"Judged without {failed} of its cells, which failed. " if failed else ""
     counted = f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{others}"
-    return verdict, f"{counted}; {quantity}: {span}{_seeds(cases, sides)}{left_out}."
+    return verdict, f"{counted}; {quantity}: {span}{_describe_seeds(cases, sides)}{left_out}."
 
 
-def _number(found: Estimate) -> str:
+def _format_number(found: Estimate) -> str:
     """A number and, if noise changes it, its 95 % interval."""
     if not found.standard_error:
         return f"{found.value:.4g}"
     return "{:.4g} [{:.4g}, {:.4g}]".format(found.value, *found.interval)
 
 
-def _seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
+def _describe_seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
     """The number of seeds of random points on each side, in words; "" if no points are random."""
     told, least = [], 2
     for side, numbers in zip(sides, zip(*(case.seeds for case in cases), strict=True), strict=True):

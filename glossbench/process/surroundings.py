@@ -104,7 +104,7 @@ def settled() -> Iterator[None]:
         _this_thread.is_within = False
 
 
-def _in_forked_child() -> None:
+def _reset_forked_child() -> None:
     """In a forked child, restore the switches that threads of the parent have set, and compute with one thread.
 
     The threads of the parent do not exist in the child. OpenMP's threads do not survive a fork either, so work given to
@@ -128,4 +128,4 @@ def _in_forked_child() -> None:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_in_forked_child)
+    os.register_at_fork(after_in_child=_reset_forked_child)

@@ -25,17 +25,17 @@ from glossbench.prefilter import (
     calibrate,
     lobe_radiance,
     lobe_sums,
+    make_whole,
     median_cut,
     n_lookups,
     no_lobe_sums,
     no_shadows,
     shadows,
     stage,
-    whole,
 )
 
 from .map_calibration import MapLevels, calibrate_maps
-from .parabolic_maps import build_parabolic_maps, pitches
+from .parabolic_maps import build_parabolic_maps, compute_pitches
 
 
 @METHODS.register("partial_environment_maps")
@@ -120,13 +120,13 @@ class PartialEnvironmentMaps(Method):
     @stage
     def partition(self, light: CubeMap) -> Partition:
         """The regions."""
-        return whole(light) if self._one_cube else median_cut(light, self.regions)
+        return make_whole(light) if self._one_cube else median_cut(light, self.regions)
 
     @stage
     def calibration(self, partition: Partition) -> LobeLevels | MapLevels:
         """Levels of exponents: one list for all cubes, or one for each paraboloid map."""
         if self.storage == "parabolic":
-            return calibrate_maps(pitches(partition), self.mip_filter, self.volume)
+            return calibrate_maps(compute_pitches(partition), self.mip_filter, self.volume)
         return calibrate(partition.index.shape[1], self.mip_filter, self.volume)
 
     @stage

@@ -21,12 +21,12 @@ class Crop(NamedTuple):
     width: int
     height: int
 
-    def of(self, image: Pixels) -> Pixels:
+    def cut(self, image: Pixels) -> Pixels:
         """What of an image (H, W, ...) is in it."""
         return image[self.y : self.y + self.height, self.x : self.x + self.width]
 
 
-def crops_of(errors: Sequence[Floats], mask: Mask, limit: float, n: int = 2) -> list[Crop]:
+def choose_crops(errors: Sequence[Floats], mask: Mask, limit: float, n: int = 2) -> list[Crop]:
     """At most n square windows that do not overlap, each with the largest mean |error| of what is left.
 
     Errors (H, W) are those of all images to be compared; each counts up to `limit`, so that no single pixel decides,

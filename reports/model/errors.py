@@ -15,7 +15,7 @@ ERRORS = {
 }
 
 
-def error(mode: str, x: Floats, y: Floats) -> Floats:
+def compute_error(mode: str, x: Floats, y: Floats) -> Floats:
     """The error of each pixel, of radiance (..., 3), by the formula that ERRORS states; all but FLIP."""
     d = x - y
     match mode:

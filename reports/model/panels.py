@@ -144,6 +144,6 @@ class Panels:
     note: str = ""
 
 
-def shown(panels: Sequence[Panel]) -> list[Panel]:
+def select_shown(panels: Sequence[Panel]) -> list[Panel]:
     """Those that are drawn: all but the last resorts; of these the first, where there is nothing else."""
     return [panel for panel in panels if not panel.is_last_resort] or list(panels[:1])

@@ -23,13 +23,13 @@ class Script(NamedTuple):
     hash: str
 
 
-def module(names: Sequence[str]) -> Script:
+def join_module(names: Sequence[str]) -> Script:
     """Files of the templates, joined in this order into one module: they share a scope, and no other module's."""
     source = "\n" + "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in names)
     return Script(Markup(source), f"sha256-{b64encode(sha256(source.encode()).digest()).decode()}")
 
 
-def policy(scripts: Sequence[Script]) -> str:
+def state_policy(scripts: Sequence[Script]) -> str:
     """The page may run these scripts, and what they add, show images that it holds, and nothing else."""
     allowed = " ".join(f"'{script.hash}'" for script in scripts)
     return (

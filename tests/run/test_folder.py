@@ -12,7 +12,7 @@ from glossbench.errors import CannotWrite, InputError
 from glossbench.run.manifest import KEPT, SUMMARY
 from glossbench.run.results import AGAIN, Results
 from glossbench.run.runner import Progress, run_study
-from glossbench.strict_json import numbers, sealed, unsealed
+from glossbench.strict_json import restore_numbers, seal, unseal
 from oracles.flat_studies import Flat, interrupting, registered, remains, study_in
 
 STUDY = {
@@ -447,22 +447,22 @@ def test_results_without_a_single_cell_say_so(made, tmp_path):
 def test_json_is_standard_and_numbers_come_back():
     row = {"a": float("nan"), "b": float("inf"), "c": -float("inf"), "d": 0.1 + 0.2, "e": "text", "f": True}
 
-    text = sealed(row)
+    text = seal(row)
 
     def refuse(word: str) -> None:
         raise ValueError(word)
 
     assert json.loads(text, parse_constant=refuse)["a"] is None
-    again = numbers(unsealed(text))
+    again = restore_numbers(unseal(text))
     assert repr(again) == repr(row)
 
 
 @pytest.mark.parametrize("change", [("0.1", "0.2"), ('"x"', '"y"'), ("}", ""), ("{", "[{")])
 def test_sealed_json_notices_a_change(change):
-    text = sealed({"a": 0.1, "b": "x"})
+    text = seal({"a": 0.1, "b": "x"})
 
     with pytest.raises(ValueError, match=r"its checksum|not a mapping|delimiter|Expecting"):
-        unsealed(text.replace(*change, 1))
+        unseal(text.replace(*change, 1))
 
 
 def test_a_failed_cell_is_standard_json(tmp_path, monkeypatch):

@@ -19,7 +19,7 @@ ITEMS = {
 
 @pytest.fixture
 def index():
-    return CellIndex.product(ITEMS)
+    return CellIndex.from_product(ITEMS)
 
 
 def cells():
@@ -78,11 +78,11 @@ def test_rows_of_results_are_the_same_cells(index):
         for light, material, view, method in cells()
     ]  # fmt: skip
 
-    of_rows = CellIndex.of_rows(rows)
+    of_rows = CellIndex.from_rows(rows)
 
     for where in ({"light": "spots"}, {"samples": [1, 2]}, {"alpha": 0.1}, {"material": {"ggx": {"alpha": 0.1}}}):
         np.testing.assert_array_equal(
-            of_rows.within(where, {"samples", "k", "on"}), index.within(where, {"samples", "k", "on"})
+            of_rows.find_within(where, {"samples", "k", "on"}), index.within(where, {"samples", "k", "on"})
         )
 
 

@@ -23,9 +23,9 @@ from glossbench.options import Color, Fraction, Resolution, Widths
 from glossbench.scene.points import VIEWS, View
 from glossbench.shading.method import METHODS, Method
 from glossbench.study import document as yaml_marks
-from glossbench.study.cells import Tune, text_of
+from glossbench.study.cells import Tune, to_text
 from glossbench.study.document import dump
-from glossbench.study.installed import study_files
+from glossbench.study.installed import find_study_files
 from glossbench.study.schema import schema
 from glossbench.study.study import load_study
 
@@ -343,9 +343,9 @@ def test_items_are_told_apart_by_canonical_json(write):
         for options in ("samples: 3, bias: {tune: rms}", "bias: {range: [-2, 2], tune: rms}, samples: 3")
     )
 
-    assert text_of(first) == text_of(second)
+    assert to_text(first) == to_text(second)
     assert first.as_dict()["bias"] == {"tune": "rms", "range": [-2, 2]}
-    assert text_of(first) != text_of(dataclasses.replace(first, tune=None))
+    assert to_text(first) != to_text(dataclasses.replace(first, tune=None))
 
 
 # The seed
@@ -533,7 +533,7 @@ def test_studies_are_listed_by_name(tmp_path, monkeypatch):
         (tmp_path / name).touch()
     monkeypatch.setattr(resources, "files", lambda package: tmp_path)
 
-    assert list(study_files()) == ["a", "b"]
+    assert list(find_study_files()) == ["a", "b"]
 
 
 def test_an_unknown_study_offers_the_nearest(tmp_path, monkeypatch):
