@@ -9,7 +9,7 @@ class InputError(ValueError):
     """An error that a user can fix, in a study, an option or a file. Its text is one line; the exit code is 2."""
 
 
-class CannotWrite(InputError):
+class WriteError(InputError):
     """A file cannot be written: for example, the disk is full or the folder is read-only.
 
     Attributes:

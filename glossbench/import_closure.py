@@ -9,7 +9,7 @@ from importlib.machinery import BYTECODE_SUFFIXES, EXTENSION_SUFFIXES
 from pathlib import Path
 
 from glossbench import source_tree
-from glossbench.source_imports import Imported, read_source
+from glossbench.source_imports import ImportedName, read_source
 
 ENDINGS = (".py", *EXTENSION_SUFFIXES, *BYTECODE_SUFFIXES)
 OWN = Path(__file__).resolve().parent
@@ -37,7 +37,7 @@ def find_source_files(module: str, file: Path) -> dict[str, Path]:
     """
     tree = source_tree.GLOSSBENCH
     if tree.has(module):
-        return tree.find_closure([Imported(module)])
+        return tree.find_closure([ImportedName(module)])
     local = find_local_files(module, file)
     imports = [each for name, path in local.items() for each in read_source(path, _find_package(name, path)).imports]
     return local | tree.find_closure(imports)

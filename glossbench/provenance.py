@@ -17,7 +17,7 @@ import torch
 
 from glossbench import source_tree
 from glossbench.import_closure import find_source_files, hash_of
-from glossbench.source_imports import Imported
+from glossbench.source_imports import ImportedName
 
 version = cache(metadata.version)  # cached, because metadata.version reads a file
 
@@ -28,7 +28,7 @@ COMPUTING = ("torch", "scipy", "scikit-image", "flip-evaluator", "OpenImageIO", 
 @cache
 def compute_code_hash(*modules: str) -> str:
     """SHA-256 of the import closure of modules of glossbench, and of the versions of the libraries in `COMPUTING`."""
-    closure = source_tree.GLOSSBENCH.find_closure(map(Imported, modules))
+    closure = source_tree.GLOSSBENCH.find_closure(map(ImportedName, modules))
     return hashlib.sha256(" ".join([hash_of(closure), *map(version, COMPUTING)]).encode()).hexdigest()
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 CALLS = ("import_module", "__import__")
 
 
-class Imported(NamedTuple):
+class ImportedName(NamedTuple):
     """An imported module, or a name imported from it, which may be a module too; the name is empty for the module."""
 
     module: str
@@ -29,8 +29,8 @@ class Source(NamedTuple):
         names: the names that imports outside of functions and classes bind, including those under `if TYPE_CHECKING`.
     """
 
-    imports: tuple[Imported, ...]
-    names: dict[str, Imported]
+    imports: tuple[ImportedName, ...]
+    names: dict[str, ImportedName]
 
 
 def read_source(file: Path, package: str) -> Source:
@@ -79,21 +79,21 @@ def _walk_outermost(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
         yield from _walk_outermost([*node.body, *node.orelse]) if isinstance(node, ast.If) else [node]
 
 
-def _find_bound(node: ast.AST, package: str) -> Iterator[tuple[str, Imported]]:
+def _find_bound(node: ast.AST, package: str) -> Iterator[tuple[str, ImportedName]]:
     """The names that an import statement binds, and what they mean."""
     if isinstance(node, ast.Import):
         for alias in node.names:
-            yield alias.asname or alias.name.partition(".")[0], Imported(alias.name)
+            yield alias.asname or alias.name.partition(".")[0], ImportedName(alias.name)
     elif isinstance(node, ast.ImportFrom):
         outer = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level and package else []
         module = ".".join([*outer, *([node.module] if node.module else [])])
         for alias in node.names:
-            yield alias.asname or alias.name, Imported(module, alias.name)
+            yield alias.asname or alias.name, ImportedName(module, alias.name)
 
 
-def _find_import_calls(tree: ast.AST) -> Iterator[Imported]:
+def _find_import_calls(tree: ast.AST) -> Iterator[ImportedName]:
     """Literal names that are passed to import_module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in CALLS:
             literal = [arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant)]
-            yield from (Imported(name) for name in literal if isinstance(name, str) and not name.startswith("."))
+            yield from (ImportedName(name) for name in literal if isinstance(name, str) and not name.startswith("."))

@@ -5,7 +5,7 @@ from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
-from glossbench.source_imports import Imported, read_source
+from glossbench.source_imports import ImportedName, read_source
 
 
 class SourceTree:
@@ -26,7 +26,7 @@ class SourceTree:
         """Whether a module belongs to the package, by its name."""
         return module == self._name or module.startswith(f"{self._name}.")
 
-    def find_closure(self, starts: Iterable[Imported]) -> dict[str, Path]:
+    def find_closure(self, starts: Iterable[ImportedName]) -> dict[str, Path]:
         """The files of the imported modules and of all that these import, at any depth, by the names of the modules.
 
         The `__init__.py` of a package counts if it defines the imported name. If it only imports the name from another
@@ -49,7 +49,7 @@ class SourceTree:
             self._needed[module] = tuple({name: None for each in imports for name in self._find_definitions(each)})
         return self._needed[module]
 
-    def _find_definitions(self, imported: Imported) -> Iterator[str]:
+    def _find_definitions(self, imported: ImportedName) -> Iterator[str]:
         """The modules that define what an import names."""
         module, name = imported
         file = self._find_file(module)
@@ -57,7 +57,7 @@ class SourceTree:
         if name in names and self.has(names[name].module) and names[name] != imported:
             yield from self._find_definitions(names[name])
         elif name and self._find_file(imported.dotted):
-            yield from self._find_definitions(Imported(imported.dotted))
+            yield from self._find_definitions(ImportedName(imported.dotted))
         else:
             yield module
             if not name:  # every name of the package may be used

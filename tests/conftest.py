@@ -99,7 +99,7 @@ def several_runs(monkeypatch):
     from glossbench.shading.costs import time_work
 
     for module in ("image", "stage_cache"):
-        monkeypatch.setattr(f"glossbench.shading.{module}.timed", time_work)
+        monkeypatch.setattr(f"glossbench.shading.{module}.time_work", time_work)
 
 
 @pytest.fixture(scope="session")

@@ -186,7 +186,7 @@ def every_option():
     return [
         pytest.param(cls, option, id=f"{kind}-{name}-{option}")
         for kind, registry in REGISTRIES.items()
-        for name in registry.list_names()
+        for name in registry.names()
         for cls in [registry.get(name)]
         for option in make_schema(cls)["properties"]
     ]

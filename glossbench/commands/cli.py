@@ -70,14 +70,14 @@ def _end(code: int, line: str) -> NoReturn:
     sys.exit(code)
 
 
-class _Printed(logging.Handler):
+class _PrintingHandler(logging.Handler):
     """Prints the log records of the package as lines on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         err.print(escape_controls(record.getMessage()), style="yellow", soft_wrap=True)
 
 
-_printed = _Printed()
+_printed = _PrintingHandler()
 
 
 def _print_warning(

@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from glossbench.catalog.entries import list_entries
-from glossbench.study.installed import find_study_files
+from glossbench.study.study_files import find_study_files
 
 _REGISTERED = re.compile(r'^@([A-Z]+)S\.register\("(\w+)"\)', re.MULTILINE)
 _GROUPS = {

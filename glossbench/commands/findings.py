@@ -7,7 +7,7 @@ import typer
 
 from glossbench.commands.completion import results as result_folders
 from glossbench.commands.printing import say
-from glossbench.study.installed import find_study_files
+from glossbench.study.study_files import find_study_files
 
 
 def findings(

@@ -16,7 +16,7 @@ from glossbench.commands.printing import out, print_rows, say
 from glossbench.commands.schema_words import describe_values
 from glossbench.documentation import read_documentation
 from glossbench.errors import InputError, suggest_nearest
-from glossbench.study.installed import find_study_files
+from glossbench.study.study_files import find_study_files
 
 
 def info(

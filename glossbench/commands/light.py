@@ -44,8 +44,8 @@ def light(
 ) -> None:  # fmt: skip
     """Describe a light, draw it, and write it in another projection."""
     from glossbench.commands.picture import draw_picture, to_half_blocks, write_png
-    from glossbench.envmap.formats.decoded import Covering
     from glossbench.envmap.formats.exr import check_exr_name, write_exr
+    from glossbench.envmap.formats.image_content import Covering
     from glossbench.envmap.lights.file_light import make_light
     from glossbench.envmap.projections.conversion import check_written, from_cubemap
 

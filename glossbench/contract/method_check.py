@@ -19,7 +19,7 @@ from glossbench.contract.checks import (
 from glossbench.errors import InputError, suggest_nearest
 from glossbench.plugin_errors import summarize_error
 from glossbench.plugins import NoSuchModule, import_plugin
-from glossbench.process.state import Restored, guarded
+from glossbench.process.state import ProcessRestorer, guarded
 from glossbench.process.surroundings import settled
 from glossbench.shading.method import METHODS, Method
 
@@ -68,7 +68,7 @@ def _make_methods(name: str) -> list[Method]:
     if name in METHODS.names():
         return [as_checked(name)]
     try:
-        with Restored(f"plugin {name!r}"):
+        with ProcessRestorer(f"plugin {name!r}"):
             import_plugin(name)
     except NoSuchModule as error:
         hint = suggest_nearest(name, METHODS.names())

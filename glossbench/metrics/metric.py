@@ -15,7 +15,7 @@ from glossbench.shapes import Colours, ErrorMap, Errors, Mask, Masked, Picture
 
 
 @runtime_checkable
-class HasRadiance(Protocol):
+class RadianceImage(Protocol):
     """An image: radiance, and the mask of the pixels that show the surface."""
 
     @property
@@ -25,7 +25,7 @@ class HasRadiance(Protocol):
 
 
 @runtime_checkable
-class HasNoise(Protocol):
+class NoisyImage(Protocol):
     """A reference: unlike an image, it has the standard error of its radiance."""
 
     @property
@@ -57,7 +57,7 @@ class Metric(Options):
     n_groups: ClassVar[int] = 8
 
     @settled()
-    def __call__(self, image: HasRadiance, truth: HasRadiance) -> float:
+    def __call__(self, image: RadianceImage, truth: RadianceImage) -> float:
         """The number.
 
         Raises:
@@ -67,7 +67,7 @@ class Metric(Options):
         return float(self.pooled(self.errors(x, y, mask)[mask]))
 
     @settled()
-    def error_map(self, image: HasRadiance, truth: HasRadiance) -> ErrorMap:
+    def error_map(self, image: RadianceImage, truth: RadianceImage) -> ErrorMap:
         """The error of each pixel, zero outside the mask; it raises the same errors as the number."""
         x, y, mask = _prepare_images(image, truth)
         return np.where(mask, self.errors(x, y, mask), 0.0)
@@ -95,14 +95,14 @@ def name_columns(metrics: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
 METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench.metrics", explain_catalog_name)
 
 
-def _prepare_images(image: HasRadiance, truth: HasRadiance) -> tuple[Colours, Colours, Masked]:
+def _prepare_images(image: RadianceImage, truth: RadianceImage) -> tuple[Colours, Colours, Masked]:
     """Image and reference in double precision, zero outside their mask, and the mask; InputError if they do not fit."""
     for which, given in {"image": image, "truth": truth}.items():
-        if not isinstance(given, HasRadiance):
+        if not isinstance(given, RadianceImage):
             raise InputError(
                 f"metric(image, truth): {which} must have radiance and mask, got {describe_wrong_value(given)}"
             )
-    if isinstance(image, HasNoise) and not isinstance(truth, HasNoise):
+    if isinstance(image, NoisyImage) and not isinstance(truth, NoisyImage):
         raise InputError("metric(image, truth): the reference comes second, got it first")
     mask = truth.mask.cpu().numpy()
     if image.mask.shape != mask.shape:
@@ -115,7 +115,7 @@ def _prepare_images(image: HasRadiance, truth: HasRadiance) -> tuple[Colours, Co
     return _check_radiance("the image", image, mask), _check_radiance("the reference", truth, mask), mask
 
 
-def _check_radiance(what: str, image: HasRadiance, mask: Masked) -> Colours:
+def _check_radiance(what: str, image: RadianceImage, mask: Masked) -> Colours:
     if tuple(image.radiance.shape) != (*mask.shape, 3):
         raise InputError(
             f"radiance of {what} must be {(*mask.shape, 3)}, as its mask, got {tuple(image.radiance.shape)}"

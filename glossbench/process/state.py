@@ -31,7 +31,7 @@ _CLASSES = (
 _LEFT = {("sys", name) for name in ("last_type", "last_value", "last_traceback", "last_exc", "ps1", "ps2")}
 
 
-class Restored:
+class ProcessRestorer:
     """Context manager: after the block the process is as it was before it, even if the block raises an error.
 
     It restores the working folder, environment, locale, mode of new files, limits, signals, recursion limit, standard
@@ -183,8 +183,8 @@ def is_foreign(cls: type) -> bool:
 
 
 def guarded(cls: type) -> AbstractContextManager[None]:
-    """The context for calls of a class: `Restored` for a plug-in's class; our own classes do not change the process."""
-    return Restored(cls.__name__) if is_foreign(cls) else nullcontext()
+    """The context for calls of a class: `ProcessRestorer` for a plug-in's class; our own do not change the process."""
+    return ProcessRestorer(cls.__name__) if is_foreign(cls) else nullcontext()
 
 
 def _find_owners() -> Iterator[ModuleType | type]:

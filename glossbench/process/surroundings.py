@@ -41,7 +41,7 @@ SWITCHES = (
 NUMPY = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}
 
 
-class _Held:
+class _SwitchHolder:
     """The switches of the process: the first thread to enter a call sets them, the last one to leave restores them."""
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class _Held:
                 self.found = []
 
 
-_held = _Held()
+_held = _SwitchHolder()
 _this_thread = threading.local()
 _has_computed = False
 
@@ -113,7 +113,7 @@ def _reset_forked_child() -> None:
     global _held
     if not _has_computed:
         return
-    left, _held = _held, _Held()
+    left, _held = _held, _SwitchHolder()
     if getattr(_this_thread, "is_within", False):
         _held.n_threads, _held.found = 1, left.found
     else:

@@ -10,7 +10,7 @@ from glossbench.metrics import METRICS, Metric
 from glossbench.options import copy_of
 from glossbench.process.state import is_foreign
 from glossbench.provenance import compute_source_hash
-from glossbench.run.study_lights import Changed
+from glossbench.run.study_lights import ChangedInput
 from glossbench.scene.points import View
 from glossbench.shading.method import Method
 from glossbench.shading.outputs import check_key
@@ -18,7 +18,7 @@ from glossbench.study.cells import Cell
 
 
 @dataclass(frozen=True)
-class Made:
+class CellParts:
     """The material, view and method of a cell, and their keys as text.
 
     They are copies, because a plug-in may write into them. What they read from files is released with the cell.
@@ -30,7 +30,7 @@ class Made:
     keys: tuple[str, ...]
 
     @classmethod
-    def from_cell(cls, cell: Cell) -> "Made":
+    def from_cell(cls, cell: Cell) -> "CellParts":
         """The parts of a cell; raises whatever a plug-in raises."""
         material, view, method = copy_of(cell.material), copy_of(cell.view), copy_of(cell.method)
         return cls(material, view, method, tuple(check_key(each.name, each.key()) for each in (material, view, method)))
@@ -39,7 +39,7 @@ class Made:
         """Check that the files which they read are still those that the keys name.
 
         Raises:
-            Changed: a file has changed.
+            ChangedInput: a file has changed.
             MethodError: the key of a plug-in differs at each call, or a plug-in wrote into one of our items.
         """
         for i, each in enumerate((self.material, self.view, self.method)):
@@ -47,9 +47,9 @@ class Made:
                 continue
             if is_foreign(type(each)):
                 raise MethodError(f"{each.name}.key returns a different text each time, or its file has changed")
-            if Made.from_cell(cell).keys[i] == self.keys[i]:
+            if CellParts.from_cell(cell).keys[i] == self.keys[i]:
                 raise MethodError(f"{self.method.name} writes into {each.name}, which others read")
-            raise Changed(f"a file of {each.name} has changed while the study ran; run it again")
+            raise ChangedInput(f"a file of {each.name} has changed while the study ran; run it again")
 
 
 class Sources:

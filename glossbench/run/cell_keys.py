@@ -10,14 +10,14 @@ from glossbench.options import Options
 from glossbench.provenance import compute_code_hash
 from glossbench.run.attempts import OUR_TRIES, TRIES, Attempt
 from glossbench.run.cell_files import make_key
-from glossbench.run.cell_items import Made, Sources
+from glossbench.run.cell_items import CellParts, Sources
 from glossbench.run.results import Results
-from glossbench.run.study_lights import Changed, StudyLights
+from glossbench.run.study_lights import ChangedInput, StudyLights
 from glossbench.study.cells import Candidate, Cell
 from glossbench.study.study import Study
 
 
-class PassedOver(Exception):
+class AbandonedCell(Exception):
     """A cell that is not tried again, because it ended the process too often."""
 
 
@@ -84,7 +84,7 @@ class CellKeys:
         for each in (tried, attempt):
             if each.is_hopeless and not is_there:
                 each.end()
-                return Identity(spelled, spelled, error=PassedOver(f"{each.told}; --rerun-failed tries again"))
+                return Identity(spelled, spelled, error=AbandonedCell(f"{each.told}; --rerun-failed tries again"))
         try:
             with self._guard(cell, spelled) if is_foreign else nullcontext():
                 if is_foreign:
@@ -92,7 +92,8 @@ class CellKeys:
                 keys = self._compute_keys(cell, is_foreign)
                 light_key = self._lights.key(cell.light)
         except BaseException as error:
-            if isinstance(error, KeyboardInterrupt | Changed) or (isinstance(error, InputError) and not is_foreign):
+            is_ours = isinstance(error, InputError) and not is_foreign
+            if is_ours or isinstance(error, KeyboardInterrupt | ChangedInput):
                 raise
             return Identity(spelled, spelled, error=error)
         finally:
@@ -104,7 +105,7 @@ class CellKeys:
 
     def _compute_keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:
         if is_foreign:
-            return Made.from_cell(cell).keys
+            return CellParts.from_cell(cell).keys
         items = cell.material, cell.view, cell.method
         for item in items:
             if id(item) not in self._known:

@@ -17,17 +17,17 @@ from glossbench.columns import CellRecord
 from glossbench.digests import compute_digest
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.light import Light
-from glossbench.errors import CannotWrite, MethodError
-from glossbench.process.state import Restored, is_foreign
+from glossbench.errors import MethodError, WriteError
+from glossbench.process.state import ProcessRestorer, is_foreign
 from glossbench.process.time_limit import time_limit
 from glossbench.provenance import read_processor, read_version
 from glossbench.run.attempts import Attempt, remove_marks
-from glossbench.run.cell_items import Made
-from glossbench.run.cell_keys import CellKeys, Identity, PassedOver
+from glossbench.run.cell_items import CellParts
+from glossbench.run.cell_keys import AbandonedCell, CellKeys, Identity
 from glossbench.run.manifest import make_entry
 from glossbench.run.measuring import measure
 from glossbench.run.results import Results
-from glossbench.run.study_lights import Changed, StudyLights
+from glossbench.run.study_lights import ChangedInput, StudyLights
 from glossbench.shading.image import Image
 from glossbench.shading.outputs import check_notes, check_reason, check_view, escape_surrogates
 from glossbench.shading.stage_cache import StageCache
@@ -75,8 +75,8 @@ class Executor:
         """The row of a cell: read from disk, or made and written.
 
         Raises:
-            Changed: a file has changed since the run began.
-            CannotWrite: the folder of results cannot be written.
+            ChangedInput: a file has changed since the run began.
+            WriteError: the folder of results cannot be written.
         """
         record = self._begin_record(cell, known.key, known.reference_key)
         stored = self._read_stored(cell, record)
@@ -88,7 +88,7 @@ class Executor:
                 raise known.error
             attempt.begin()
             with self._guarded(cell, record) if self.keys.sources.has_foreign(cell) else nullcontext():
-                made = replace(Made.from_cell(cell), keys=known.keys)
+                made = replace(CellParts.from_cell(cell), keys=known.keys)
                 made.check_unchanged(cell)
             record, image, half_vectors = self._execute(cell, record, made)
         except BaseException as error:
@@ -106,16 +106,16 @@ class Executor:
     def _write_failure(self, record: CellRecord, error: BaseException) -> dict[str, Any]:
         """Write and return the row of a cell that raised; some exceptions end the run instead."""
         self._forget()
-        if isinstance(error, CannotWrite) and error.path.is_relative_to(self.results.folder):
+        if isinstance(error, WriteError) and error.path.is_relative_to(self.results.folder):
             raise error  # the folder is at fault, not the cell
-        if isinstance(error, KeyboardInterrupt | Changed) or (self.fail_fast and isinstance(error, Exception)):
+        if isinstance(error, KeyboardInterrupt | ChangedInput) or (self.fail_fast and isinstance(error, Exception)):
             raise error
         if self.fail_fast:
             raise MethodError(f"{record.method} raised {error!r}") from error
-        told = str(error) if isinstance(error, PassedOver) else "".join(traceback.format_exception(error))
+        told = str(error) if isinstance(error, AbandonedCell) else "".join(traceback.format_exception(error))
         return self._write_cell(_make_failure(record, told))
 
-    def _execute(self, cell: Cell, record: CellRecord, made: Made) -> tuple[CellRecord, Image | None, Any]:
+    def _execute(self, cell: Cell, record: CellRecord, made: CellParts) -> tuple[CellRecord, Image | None, Any]:
         """(record of a cell with all measurements, its image, its pattern)."""
         material, view, method = made.material, made.view, made.method
         with self._guarded(cell, record):
@@ -153,7 +153,7 @@ class Executor:
         )  # fmt: skip
         return record, image, half_vectors
 
-    def _provide_reference(self, cell: Cell, record: CellRecord, light: CubeMap, made: Made) -> Reference:
+    def _provide_reference(self, cell: Cell, record: CellRecord, light: CubeMap, made: CellParts) -> Reference:
         """The reference as read from disk, in float32, so that a resumed run compares with the same numbers."""
         key = record.reference_key
         if self._truth is not None and self._truth[0] == key:
@@ -206,7 +206,7 @@ class Executor:
             return None
         stored = self.results.cell(key)
         if stored["status"] == "done" and not self._has_reference(record.reference_key):
-            self._provide_reference(cell, record, self.lights.get(cell.light), Made.from_cell(cell))
+            self._provide_reference(cell, record, self.lights.get(cell.light), CellParts.from_cell(cell))
         # The key does not include the name of an image file, nor a seed that nothing used.
         return stored | make_entry(record.to_row())
 
@@ -224,7 +224,7 @@ class Executor:
     def _guarded(self, cell: Cell, record: CellRecord) -> Iterator[None]:
         """A context with the time limit. If plug-ins take part, it restores the state of the process at its end."""
         limit = time_limit(self.study.time_limit, partial(self._give_up, record, threading.get_ident()))
-        with Restored("a plug-in") if self.keys.sources.has_foreign(cell) else nullcontext(), limit:
+        with ProcessRestorer("a plug-in") if self.keys.sources.has_foreign(cell) else nullcontext(), limit:
             yield
 
     def _give_up(self, record: CellRecord, thread: int) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import pandas
 
 from glossbench.atomic import remove_abandoned, replacing
-from glossbench.errors import CannotWrite, InputError
+from glossbench.errors import InputError, WriteError
 from glossbench.run.manifest import NAME, Manifest
 from glossbench.strict_json import seal, unseal
 
@@ -74,7 +74,7 @@ class Folder:
         manifest = self.manifest
         manifest.check_foreign(self.root, names)
         if not os.access(self.root, os.W_OK | os.X_OK):
-            raise CannotWrite(self.root / names[0], "the folder may only be read")
+            raise WriteError(self.root / names[0], "the folder may only be read")
         if not set(names) <= set(manifest.files):
             replace(manifest, files={**manifest.files, **dict.fromkeys(names)}).write(self.root)
 

@@ -19,12 +19,12 @@ from glossbench.shading.image import Image, shade
 from glossbench.shading.method import Method
 from glossbench.shading.outputs import check_number, check_pattern
 from glossbench.shading.stage_cache import StageCache
-from glossbench.study.cells import Tune
+from glossbench.study.cells import Tuning
 from glossbench.truth.jackknife import remove_bias
 from glossbench.truth.reference import Reference
 
 
-class Measured(NamedTuple):
+class Measurement(NamedTuple):
     """The record of a cell, its image, and the pattern (N, 2) of a method that has one."""
 
     record: CellRecord
@@ -33,9 +33,9 @@ class Measured(NamedTuple):
 
 
 def measure(
-    record: CellRecord, method: Method, tune: Tune | None, metrics: Mapping[str, Metric], cache: StageCache,
+    record: CellRecord, method: Method, tune: Tuning | None, metrics: Mapping[str, Metric], cache: StageCache,
     light: CubeMap, material: Material, view: View, truth: Reference,
-) -> Measured:  # fmt: skip
+) -> Measurement:  # fmt: skip
     """Shade a material under a light with a method, and compare the image with the reference.
 
     Args:
@@ -91,4 +91,4 @@ def measure(
         shade_seconds=costs.shade.median, shade_seconds_low=costs.shade.low, shade_seconds_high=costs.shade.high,
         shade_runs=costs.shade.runs, busy=costs.shade.busy,
     )  # fmt: skip
-    return Measured(record, image, half_vectors)
+    return Measurement(record, image, half_vectors)

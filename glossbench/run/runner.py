@@ -8,7 +8,7 @@ from typing import Any
 import pandas
 import pyarrow.parquet  # noqa: F401  before plug-ins run: what they patch of it is put back (process_state)
 
-from glossbench.atomic import interrupted_when_asked
+from glossbench.atomic import interrupted_by_signals
 from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError
 from glossbench.findings.verdicts import judge
@@ -28,7 +28,7 @@ from glossbench.study.study import Study
 
 
 @settled()
-@interrupted_when_asked()
+@interrupted_by_signals()
 def run_study(
     study: Study,
     folder: Path,
@@ -53,7 +53,7 @@ def run_study(
     Raises:
         InputError: the device is missing, a file cannot be read, the folder cannot be written, or it holds files that
             would be lost. Nothing is written then.
-        CannotWrite: a write failed, for example because the disk is full. Finished cells are kept.
+        WriteError: a write failed, for example because the disk is full. Finished cells are kept.
     """
     if not study.has_device():
         raise InputError("the study states device: cuda, but this machine has none; write device: cpu")

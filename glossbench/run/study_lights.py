@@ -16,7 +16,7 @@ from glossbench.shading.outputs import check_key, check_notes
 from glossbench.study.cells import to_text
 
 
-class Changed(InputError):
+class ChangedInput(InputError):
     """The file of an input has changed since the run began."""
 
 
@@ -42,7 +42,7 @@ class StudyLights:
         """The radiance of a light.
 
         Raises:
-            Changed: its file has changed since it was first read.
+            ChangedInput: its file has changed since it was first read.
             MethodError: a plug-in's light is not a valid light, or it failed before.
         """
         if self._light is None or self._item is not item:
@@ -50,7 +50,7 @@ class StudyLights:
             light = self._make_of_plugin(item) if is_foreign(type(item)) else self._make(item)
             if self._keys.setdefault(to_text(item), light.key) != light.key:
                 called = getattr(item, "file", item.name)
-                raise Changed(f"light {called}: has changed while the study ran; run it again")
+                raise ChangedInput(f"light {called}: has changed while the study ran; run it again")
             self._light, self._item, self._digest = light, item, compute_digest(light)
         return self._light
 

@@ -26,7 +26,7 @@ LEAST_COSINE = 0.01
 Floats = NDArray[np.float64]
 
 
-class Seen(NamedTuple):
+class VisiblePoints(NamedTuple):
     """The result of a camera: the mask (H, W) and the points of its pixels."""
 
     mask: Tensor
@@ -111,7 +111,7 @@ class MeshView(View):
 
     @cached_property
     @settled()
-    def _seen(self) -> Seen:
+    def _seen(self) -> VisiblePoints:
         height, width = self.resolution, self.width or self.resolution
         mesh = self._mesh
         fov = self.fov if self.camera == "perspective" else None
@@ -122,7 +122,7 @@ class MeshView(View):
         if not hit.any():
             raise InputError(f"mesh: no pixel shows {self.shape!r}; take a zoom of 1 or more pixels")
         points = make_shading_points(mesh, hits.face[hit], hits.barycentric[hit], -directions[hit])
-        return Seen(torch.from_numpy(hit.reshape(height, width)), points)
+        return VisiblePoints(torch.from_numpy(hit.reshape(height, width)), points)
 
 
 def make_shading_points(mesh: Mesh, face: NDArray[np.int32], barycentric: Floats, wo: Floats) -> ShadingPoints:

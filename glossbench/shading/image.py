@@ -17,7 +17,7 @@ from glossbench.scene.points import ShadingPoints, View, image_of
 from glossbench.shading.costs import Costs, time_work
 from glossbench.shading.method import CHANGES, INPUTS, Method, find_dependencies, order_stages
 from glossbench.shading.outputs import check_count, check_pictures, check_reason
-from glossbench.shading.stage_cache import Prepared, StageCache, forbid_writes
+from glossbench.shading.stage_cache import PreparedStage, StageCache, forbid_writes
 from glossbench.shapes import Mask, Picture, Radiance
 
 
@@ -93,7 +93,9 @@ def shade(
     return Image(image_of(mask, _check_radiance(method, points, values)), mask, costs, pictures)
 
 
-def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patience: float = 0.0) -> dict[str, Prepared]:
+def prepare(
+    method: Method, inputs: Mapping[str, Any], cache: StageCache, patience: float = 0.0
+) -> dict[str, PreparedStage]:
     """The stages of a method, from the cache if it has them, otherwise computed.
 
     Args:
@@ -104,7 +106,7 @@ def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patien
     device = str(light.faces.device)
     cache.begin()
     keys: dict[str, Any] = {**inputs, "light": (light.key, light.resolution, device)}
-    prepared: dict[str, Prepared] = {}
+    prepared: dict[str, PreparedStage] = {}
     for name, current in order_stages(type(method)).items():
         values = {n: inputs[n] if n in INPUTS else prepared[n].value for n in current.needs}
         names = tuple(keys[n] for n in current.needs)

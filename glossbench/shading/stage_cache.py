@@ -15,7 +15,7 @@ LIMIT = 2 << 30  # bytes that all values may take; those in use are never droppe
 
 
 @dataclass(eq=False)
-class Prepared:
+class PreparedStage:
     """The value of one stage, and its costs.
 
     Attributes:
@@ -47,11 +47,11 @@ class StageCache:
     """
 
     def __init__(self, tell: Callable[[str], None] = lambda text: None, limit: int = LIMIT) -> None:
-        self._entries: dict[Hashable, list[tuple[Read, Prepared]]] = {}
+        self._entries: dict[Hashable, list[tuple[StageOptions, PreparedStage]]] = {}
         self._tell = tell
         self._limit = limit
         self._turn = 0
-        self._trusted: dict[int, Prepared] = {}  # by id, values whose bytes were compared since the last check
+        self._trusted: dict[int, PreparedStage] = {}  # by id, values whose bytes were compared since the last check
 
     def begin(self) -> None:
         """Begin a new turn: all values that are requested during one turn are used together and kept."""
@@ -65,11 +65,11 @@ class StageCache:
         keys: tuple[Any, ...],
         device: str,
         patience: float,
-    ) -> Prepared:
+    ) -> PreparedStage:
         """The value of a stage. It is computed and timed (see `time_work`) if the cache does not have an equal one.
 
         Args:
-            keys: keys of the inputs; the key of another stage is its `Prepared.key`.
+            keys: keys of the inputs; the key of another stage is its `PreparedStage.key`.
         """
         known = (stage, tuple(map(_make_hashable, keys)))
         entries = self._entries.setdefault(known, [])
@@ -80,7 +80,7 @@ class StageCache:
         if found is not None and (found[1].warm or patience == 0):
             found[1].used = self._turn
             return found[1]
-        read = Read()
+        read = StageOptions()
         self._tell(f"{method.name}: {stage.__name__}")
         with forbid_writes(f"{method.name}.{stage.__name__}", inputs):
             value, timing = time_work(lambda: stage(Recorder(method, read), **inputs), device, patience)
@@ -88,7 +88,7 @@ class StageCache:
             prepared = found[1]
             prepared.seconds, prepared.warm = timing.median, True
         else:
-            prepared = Prepared(
+            prepared = PreparedStage(
                 value, (*known, read.key()), timing.median, count_bytes(value), patience > 0, compute_digest(value)
             )
             entries.append((read, prepared))
@@ -107,7 +107,7 @@ class StageCache:
             stage: Any = written[0].key
             raise MethodError(f"{by} writes into the memory of {stage[0].__name__!r}, which others read")
 
-    def _is_intact(self, prepared: Prepared) -> bool:
+    def _is_intact(self, prepared: PreparedStage) -> bool:
         if id(prepared) not in self._trusted:
             if compute_digest(prepared.value) != prepared.digest:
                 return False
@@ -154,7 +154,7 @@ def _make_hashable(value: Any) -> Hashable:
 
 
 @dataclass
-class Read:
+class StageOptions:
     """The options that a stage read, by name.
 
     Attributes:
@@ -188,7 +188,7 @@ def read_option(method: Any, option: str, default: Any) -> Any:
 class Recorder:
     """Stands for a method while a stage runs, and records the options that the stage reads."""
 
-    def __init__(self, method: Options, read: Read) -> None:
+    def __init__(self, method: Options, read: StageOptions) -> None:
         self._method, self._read = method, read
 
     def __getattr__(self, name: str) -> Any:

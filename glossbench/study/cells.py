@@ -13,7 +13,7 @@ from glossbench.shading.method import Method, find_budget_option
 
 
 @dataclass(frozen=True)
-class Tune:
+class Tuning:
     """One option of a method, to be set to the value in [low, high] at which a metric is lowest."""
 
     option: str
@@ -31,7 +31,7 @@ class Candidate:
     """
 
     method: Method
-    tune: Tune | None = None
+    tune: Tuning | None = None
     follows_seed: bool = field(default=False, compare=False)
 
     @property
@@ -68,7 +68,7 @@ class Cell:
         return self.candidate.method
 
     @property
-    def tune(self) -> Tune | None:
+    def tune(self) -> Tuning | None:
         """The option of the method that is tuned before the cell is measured, or None."""
         return self.candidate.tune
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from glossbench.columns import CONDITIONS
 from glossbench.shading.method import METHODS
 from glossbench.study.cell_index import CellIndex, Mask
-from glossbench.study.checked_claims import collect_places
+from glossbench.study.claim_checks import collect_places
 from glossbench.study.claim_names import find_meanings
 from glossbench.study.claims import (
     BUDGET,

@@ -19,7 +19,7 @@ from glossbench.plugin_errors import locate_error, summarize_error
 from glossbench.rules import suggest_instead
 from glossbench.scene.mesh_view import resolve_view
 from glossbench.shading.method import Method
-from glossbench.study.cells import Candidate, Tune
+from glossbench.study.cells import Candidate, Tuning
 from glossbench.study.document import Document, KeyPath, format_path
 from glossbench.study.registries import REGISTRIES
 from glossbench.study.schema import ENDINGS, TuneKeys
@@ -60,7 +60,7 @@ class Form:
             text = f"{format_path(path)}: {_explain_unknown(self.noun, name, stated)}"
             raise document.make_error(at, text, at_key=at != path)
         self.cls: type[Options] = REGISTRIES[kind.removesuffix("s")].get(name)
-        self.tune: Tune | None = None
+        self.tune: Tuning | None = None
         self.axes: list[Axis] = []
         if not isinstance(stated, dict):
             of_file = [option for option in list_options(self.cls) if self.cls.file_of(option, str(stated))]
@@ -228,7 +228,7 @@ class Form:
         columns = [self._check_each((*path, option), option, values) for option, values in given.items()]
         return Axis(tuple(given), list(zip(*columns, strict=True)))
 
-    def _read_tune(self, path: KeyPath, option: str) -> Tune:
+    def _read_tune(self, path: KeyPath, option: str) -> Tuning:
         where = format_path(path)
         if self._kind != "methods" or self.tune is not None:
             why = "only one option of an item" if self._kind == "methods" else "only an option of a method"
@@ -254,7 +254,7 @@ class Form:
             )
         for value in (low, high):
             self._check_value((*path, "range"), option, value)
-        return Tune(option, model.tune, low, high)
+        return Tuning(option, model.tune, low, high)
 
     def _explain_metric(self, name: str) -> str:
         """The message for a name that is unknown, or shared by several metrics of the study; "" for a valid name."""

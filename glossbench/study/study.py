@@ -28,12 +28,12 @@ from glossbench.process.state import is_foreign
 from glossbench.scene.points import View
 from glossbench.study.cell_index import CellIndex, Mask
 from glossbench.study.cells import Candidate, Cell, to_text
-from glossbench.study.checked_claims import check_claims, check_exclude
+from glossbench.study.claim_checks import check_claims, check_exclude
 from glossbench.study.claims import Claim, list_methods
 from glossbench.study.document import Document, KeyPath, format_path, read_document
 from glossbench.study.expand import Form
-from glossbench.study.installed import find_study_files
 from glossbench.study.schema import KINDS_OF_ITEMS, ReferenceOptions, StudyKeys
+from glossbench.study.study_files import find_study_files
 
 MAX_CELLS = 100_000
 ENDINGS = (".yaml", ".yml")

@@ -226,7 +226,7 @@ def _attenuate(
     return unhidden(weight, points, d, hidden)
 
 
-class Stepped(NamedTuple):
+class SteppedPoints(NamedTuple):
     """Sample points moved by STEP along u1 and along u2, and the product of the signs of both steps, (1, N)."""
 
     first: Any
@@ -237,18 +237,18 @@ class Stepped(NamedTuple):
 STEP = 1e-3  # with float32, differences of directions then keep three to four digits
 
 
-def _make_steps(lobe: Lobe, u: Tensor) -> Stepped:
+def _make_steps(lobe: Lobe, u: Tensor) -> SteppedPoints:
     """Steps towards the middle of the unit square, so that no point leaves it."""
     signs = torch.where(u < 0.5, 1.0, -1.0)
     first, second = u + STEP * signs * u.new_tensor([1, 0]), u + STEP * signs * u.new_tensor([0, 1])
-    return Stepped(lobe.sample_points(first), lobe.sample_points(second), (signs[:, 0] * signs[:, 1])[None])
+    return SteppedPoints(lobe.sample_points(first), lobe.sample_points(second), (signs[:, 0] * signs[:, 1])[None])
 
 
 def _sum_affine(
     points: ShadingPoints,
     lobe: Lobe,
     samples: Any,
-    stepped: Stepped,
+    stepped: SteppedPoints,
     pyramid: Environment,
     level: Tensor,
     places: Tensor,

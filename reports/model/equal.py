@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .axes import Place
-from .lines import Measured, make_axis
+from .lines import MeasuredLine, make_axis
 from .panels import Axis, Floats
 
 FEWEST_COLUMNS, MOST_COLUMNS = 3, 6
@@ -41,7 +41,7 @@ class EqualTable(NamedTuple):
     """
 
     at: Sequence[float]
-    lines: Sequence[Measured]
+    lines: Sequence[MeasuredLine]
     rows: Sequence[Sequence[Value | None]]
     best: Sequence[int | None]
 
@@ -56,7 +56,7 @@ class EqualTable(NamedTuple):
         return any(len(line.x) == 1 for line in self.lines)
 
 
-class Equal(NamedTuple):
+class EqualTables(NamedTuple):
     """The tables of a place over samples, by its number from 1 on, and of a metric; one of the two may be None."""
 
     number: int
@@ -110,21 +110,21 @@ class Curve(NamedTuple):
         return exp(self.time[self.error <= log(error)].min(initial=inf))
 
 
-def make_equal_tables(number: int, place: Place, metric: str, lines: Sequence[Measured]) -> Equal | None:
+def make_equal_tables(number: int, place: Place, metric: str, lines: Sequence[MeasuredLine]) -> EqualTables | None:
     """Both tables of a place and metric; None where no two lines can be compared."""
     axis = make_axis(place, metric)
     by_time, by_error = compare_errors(lines, axis), compare_times(lines, axis)
-    return Equal(number, place, metric, axis, by_time, by_error) if by_time or by_error else None
+    return EqualTables(number, place, metric, axis, by_time, by_error) if by_time or by_error else None
 
 
-def compare_errors(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
+def compare_errors(lines: Sequence[MeasuredLine], axis: Axis) -> EqualTable | None:
     """The error of each line at round shading times [ms]; None where no two lines share one."""
     curves = [_make_curve(line, axis) for line in lines]
     ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time)]
     return _make_table(ends, lines, curves, Curve.interpolate_error, Curve.find_least_error)
 
 
-def compare_times(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
+def compare_times(lines: Sequence[MeasuredLine], axis: Axis) -> EqualTable | None:
     """The least shading time [ms] at which each line comes down to round errors; None where no two lines share one."""
     curves = [_make_curve(line, axis) for line in lines]
     ends = [(c.error.min(), c.error[0]) for c in curves if len(c.error)]
@@ -132,7 +132,7 @@ def compare_times(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
     return table and EqualTable(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
 
 
-def _make_curve(line: Measured, axis: Axis) -> Curve:
+def _make_curve(line: MeasuredLine, axis: Axis) -> Curve:
     """Of the points that the reference resolves."""
     time, error = line.costs["shade"], line.errors
     low, high = line.spread or (time, time)
@@ -142,7 +142,7 @@ def _make_curve(line: Measured, axis: Axis) -> Curve:
 
 
 def _make_table(
-    ends: Sequence[tuple[float, float]], lines: Sequence[Measured], curves: Sequence[Curve],
+    ends: Sequence[tuple[float, float]], lines: Sequence[MeasuredLine], curves: Sequence[Curve],
     value_at: Callable[[Curve, float], Value | None], least_at: Callable[[Curve, float], float],
 ) -> EqualTable | None:  # fmt: skip
     """Columns that two lines or more have a value in, thinned evenly.

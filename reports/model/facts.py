@@ -15,7 +15,7 @@ OF_CELLS = {
 }  # fmt: skip
 
 
-class Missing(NamedTuple):
+class MissingCell(NamedTuple):
     """A cell without an image, and why: a reason or a traceback, and its last line."""
 
     group: Group
@@ -29,14 +29,14 @@ class Missing(NamedTuple):
         return bool(self.cell.row["status"] == "failed")
 
 
-def without_image(report: Report) -> list[Missing]:
+def without_image(report: Report) -> list[MissingCell]:
     """All cells without an image."""
     found = []
     for group in report.groups:
         for cell in group.cells:
             if not cell.done:
                 reason = (cell.row["reason"] or "").strip() or "no reason is known"
-                found.append(Missing(group, cell, reason, reason.splitlines()[-1]))
+                found.append(MissingCell(group, cell, reason, reason.splitlines()[-1]))
     return found
 
 

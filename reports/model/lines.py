@@ -28,7 +28,7 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredLine:
     """One method with its options: what it reached at each value of the swept quantity, in their order.
 
     Attributes:
@@ -84,7 +84,7 @@ def make_axis(place: Place, metric: str) -> Axis:
 
 def measure_lines(
     place: Place, metric: str, estimate: Callable[[Row, str], Estimate] = estimate_metric
-) -> list[Measured]:
+) -> list[MeasuredLine]:
     """The lines of a metric, in the order of the study; the first light says where they have points.
 
     Args:
@@ -104,7 +104,7 @@ def measure_lines(
         points = [[rows[point] for rows in alike] for point in members]
         errors, band = _average([[row[metric] for row in point] for point in points], is_log)
         lines.append(
-            Measured(
+            MeasuredLine(
                 place.sweep.labels[points[0][0]["key"]],
                 np.array([place.sweep.value(point[0]) for point in points], float),
                 {
@@ -132,7 +132,7 @@ def name_lines(labels: Sequence[Label]) -> tuple[str, list[str]]:
     return title, [", ".join(label.options.values()) for label in labels]
 
 
-def find_front(lines: Sequence[Measured], cost: str, axis: Axis) -> list[Mask]:
+def find_front(lines: Sequence[MeasuredLine], cost: str, axis: Axis) -> list[Mask]:
     """For each line, its points on the Pareto front: no other has a lower cost and error, or one and the other equal.
 
     Errors that the reference cannot resolve count as equal, the largest of them.

@@ -43,7 +43,7 @@ class Axis:
         return np.isfinite(values) & ((values > 0) | (not self.is_log))
 
 
-class Beside(NamedTuple):
+class SideNumber(NamedTuple):
     """Another number of each point of a line, which the page says where the pointer is; with its ends."""
 
     title: str
@@ -77,7 +77,7 @@ class Line:
     interval: Ends | None = None
     spread: Ends | None = None
     slope: float | None = None
-    beside: Sequence[Beside] = ()
+    beside: Sequence[SideNumber] = ()
 
     @property
     def is_hollow(self) -> Mask:

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from .axes import SAMPLES, Place
-from .lines import COSTS, NEGLIGIBLE, Measured, find_front, make_axis
-from .panels import Axis, Beside, Floats, Line, Panel
+from .lines import COSTS, NEGLIGIBLE, MeasuredLine, find_front, make_axis
+from .panels import Axis, Floats, Line, Panel, SideNumber
 
 
-def plot_over_axis(place: Place, metric: str, lines: Sequence[Measured]) -> Panel:
+def plot_over_axis(place: Place, metric: str, lines: Sequence[MeasuredLine]) -> Panel:
     """A metric, or a cost of the same cells, over what is swept; with slopes where the metric falls to better images.
 
     An axis is linear where a value is zero or less.
@@ -24,21 +24,21 @@ def plot_over_axis(place: Place, metric: str, lines: Sequence[Measured]) -> Pane
     return Panel("over", make_x_axis(place, lines), y, drawn, is_main=True)
 
 
-def plot_against_cost(place: Place, metric: str, lines: Sequence[Measured], cost: str) -> Panel:
+def plot_against_cost(place: Place, metric: str, lines: Sequence[MeasuredLine], cost: str) -> Panel:
     """A metric against a cost, with the Pareto front; of shading time with its fastest and slowest runs."""
     across, y = make_x_axis(place, lines), make_axis(place, metric)
     drawn = [
         replace(
             _make_line(line, line.costs[cost], metric),
             spread=line.spread if cost == "shade" else None,
-            beside=[Beside(across.label, line.x), *(_make_range(line) if cost != "shade" else ())],
+            beside=[SideNumber(across.label, line.x), *(_make_range(line) if cost != "shade" else ())],
         )
         for line in lines
     ]
     return Panel(cost, make_cost_axis(cost), y, drawn, find_front(lines, cost, y), is_main=cost == "shade")
 
 
-def plot_by_method(place: Place, metric: str, lines: Sequence[Measured]) -> Panel:
+def plot_by_method(place: Place, metric: str, lines: Sequence[MeasuredLine]) -> Panel:
     """A row of dots for each method: for a study with one budget, where nothing else can be plotted."""
     names = Axis("", is_log=False, names=[line.name for line in lines])
     drawn = []
@@ -48,12 +48,12 @@ def plot_by_method(place: Place, metric: str, lines: Sequence[Measured]) -> Pane
     return Panel("method", make_y_axis(place, metric), names, drawn, is_main=True, is_last_resort=True)
 
 
-def has_cost(lines: Sequence[Measured], cost: str) -> bool:
+def has_cost(lines: Sequence[MeasuredLine], cost: str) -> bool:
     """Whether a cost of a line is more than the calls of stages that do nothing."""
     return any((line.costs[cost] >= NEGLIGIBLE[cost]).any() for line in lines)
 
 
-def make_x_axis(place: Place, lines: Sequence[Measured]) -> Axis:
+def make_x_axis(place: Place, lines: Sequence[MeasuredLine]) -> Axis:
     """The axis of what is swept."""
     is_log = place.sweep.name == SAMPLES or all((line.x > 0).all() for line in lines)
     return Axis(place.sweep.title, place.sweep.name, is_log=is_log, at_values=True)
@@ -69,11 +69,11 @@ def make_cost_axis(cost: str) -> Axis:
     return Axis(COSTS[cost], has_zero=True, negligible=NEGLIGIBLE[cost])
 
 
-def _make_line(line: Measured, x: Floats, metric: str) -> Line:
+def _make_line(line: MeasuredLine, x: Floats, metric: str) -> Line:
     if metric in COSTS:
         return Line(line.label, x, line.costs[metric], line.keys)
     return Line(line.label, x, line.errors, line.keys, line.at_floor, line.band, line.interval)
 
 
-def _make_range(line: Measured) -> list[Beside]:
-    return [Beside(COSTS["shade"], line.costs["shade"], line.spread)]
+def _make_range(line: MeasuredLine) -> list[SideNumber]:
+    return [SideNumber(COSTS["shade"], line.costs["shade"], line.spread)]

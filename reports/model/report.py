@@ -18,8 +18,8 @@ from glossbench.study.registries import REGISTRIES
 from .answer import Answer, find_answer, list_claimed
 from .axes import SAMPLES, Place, Sweep, find_places, find_sweeps
 from .conditions import Group, find_sole_method, group_cells
-from .equal import Equal, make_equal_tables
-from .lines import Measured, measure_lines
+from .equal import EqualTables, make_equal_tables
+from .lines import MeasuredLine, measure_lines
 from .times import time_notes
 
 KINDS = ("method", "material", "light", "view")
@@ -54,7 +54,7 @@ class Report:
     groups: Sequence[Group]
     _places: dict[str, list[Place]] = field(default_factory=dict)
     _estimates: dict[tuple[str, str], Estimate] = field(default_factory=dict)
-    _lines: dict[tuple[int, str], list[Measured]] = field(default_factory=dict)
+    _lines: dict[tuple[int, str], list[MeasuredLine]] = field(default_factory=dict)
 
     @classmethod
     def from_results(cls, results: Results) -> "Report":
@@ -102,7 +102,7 @@ class Report:
             self._places[axis.name] = find_places(self.done, axis)
         return self._places[axis.name]
 
-    def lines(self, place: Place, metric: str) -> list[Measured]:
+    def lines(self, place: Place, metric: str) -> list[MeasuredLine]:
         """What each line reached at a place."""
         key = id(place), metric  # places are made once and live as long as the report
         if key not in self._lines:
@@ -131,7 +131,7 @@ class Report:
         return find_answer(self.done, metric, list_claimed(self.results))
 
     @cached_property
-    def equal(self) -> list[Equal]:
+    def equal(self) -> list[EqualTables]:
         """Tables of equal time and equal error of each place over samples and metric, where two lines compare."""
         places = self.places(self.axes[SAMPLES])
         return [

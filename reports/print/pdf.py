@@ -15,7 +15,7 @@ from glossbench.study.labels import format_options
 
 from ..model.axes import FEWEST, SAMPLES, Place, Sweep, with_costs
 from ..model.descriptions import INSTALLED, MethodText, define_metrics, describe_methods
-from ..model.facts import Missing, compose_headline, list_provenance, without_image
+from ..model.facts import MissingCell, compose_headline, list_provenance, without_image
 from ..model.lines import COSTS
 from ..model.notation import split_runs
 from ..model.panels import Panels, select_shown
@@ -185,7 +185,7 @@ def _to_words(said: Mapping[str, str]) -> list[dict[str, str]]:
     return [{"name": name, "text": text} for name, text in said.items()]
 
 
-def _without_image(missing: Sequence[Missing]) -> list[dict[str, Any]]:
+def _without_image(missing: Sequence[MissingCell]) -> list[dict[str, Any]]:
     """Skipped cells with their reasons, failed ones with their tracebacks."""
     return [
         {"name": each.cell.row["method"], "options": each.cell.options or format_options(each.cell.row["options"]),

@@ -5,7 +5,7 @@ from math import inf
 from typing import Any
 
 from ..model.cell_table import CHANGES, list_costs, list_counts, list_errors, make_cell_table, without_notes
-from ..model.equal import Equal
+from ..model.equal import EqualTables
 from ..model.report import Report
 from ..model.table import Row, Table
 from ..model.tables import make_claim_table, make_equal_table, make_reference_table
@@ -53,7 +53,7 @@ def print_references(report: Report) -> dict[str, Any] | None:
     return _print_table(table, caption, "") if table.parts[0].rows else None
 
 
-def print_equal(equal: Equal) -> list[dict[str, Any]]:
+def print_equal(equal: EqualTables) -> list[dict[str, Any]]:
     """What each line would reach at equal times and at equal errors, between the points it has."""
     found = []
     at, label = equal.place.title, equal.axis.label

@@ -11,8 +11,8 @@ import yaml
 from glossbench.catalog.entries import list_entries
 from glossbench.commands.schema_words import describe_values as words_of_schema
 from glossbench.options import list_options
-from glossbench.study.installed import find_study_files
 from glossbench.study.registries import REGISTRIES
+from glossbench.study.study_files import find_study_files
 from oracles.command_line import STUDY, files_under, words
 
 pytestmark = pytest.mark.usefixtures("here")

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from glossbench.run.runner import run_study
-from glossbench.study.cells import Tune
+from glossbench.study.cells import Tuning
 from glossbench.study.claim_counts import Count, count_claims
 from glossbench.study.schema import StudyKeys
 from glossbench.study.study import Study, load_study
@@ -82,7 +82,7 @@ def test_zip_pairs_and_multiplies_with_other_lists(study):
 def test_a_tuned_option_is_searched_between_its_bounds_or_those_stated(study):
     tuned = [item.tune for item in study("methods", "tune", claims=[]).methods]
 
-    assert tuned == [Tune("mip_bias", "rms", -4, 4), Tune("mip_bias", "flip", -1, 1)]
+    assert tuned == [Tuning("mip_bias", "rms", -4, 4), Tuning("mip_bias", "flip", -1, 1)]
 
 
 def test_the_exclusions_leave_out_the_cells_that_are_said(study):

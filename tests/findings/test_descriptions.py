@@ -30,7 +30,7 @@ def test_everything_that_a_study_names_is_described(descriptions):
 
 def test_a_method_brings_its_text_equation_and_options(descriptions):
     cls = METHODS.get("filtered_importance_sampling")
-    found = descriptions.of("method", "filtered_importance_sampling")
+    found = descriptions.find("method", "filtered_importance_sampling")
     assert found.equation == cls.equation != ""
     assert found.text.splitlines()[0] == cls.__doc__.splitlines()[0]
     assert found.options == describe_options(cls)

@@ -8,7 +8,7 @@ import pytest
 from glossbench.errors import InputError
 from glossbench.findings.page import compose_page
 from glossbench.findings.summary import Summary
-from glossbench.study.installed import find_study_files
+from glossbench.study.study_files import find_study_files
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -238,10 +238,10 @@ class Given(View):
         return torch.ones(1, len(self.points()), dtype=torch.bool)
 
     def points(self):
-        return self.find_holding[1].each(lambda c: c[:, 0])
+        return self.held[1].map(lambda c: c[:, 0])
 
     def scene(self):
-        return self.find_holding[0]
+        return self.held[0]
 
 
 @pytest.mark.parametrize("visibility", ["shadow_maps", "rays"])

@@ -23,7 +23,7 @@ from PIL import Image
 from torch.overrides import TorchFunctionMode
 
 from glossbench.digests import compute_digest
-from glossbench.process.state import Restored
+from glossbench.process.state import ProcessRestorer
 from glossbench.shading.costs import Timing, time_work
 from glossbench.shading.method import METHODS, Method
 
@@ -98,7 +98,7 @@ def test_what_is_changed_is_put_back(what):
     read, change = CHANGES[what]
     before = read()
 
-    with Restored("mine"):
+    with ProcessRestorer("mine"):
         change()
         changed = read() != before if what != "a builtin" else True
 
@@ -109,7 +109,7 @@ def test_what_is_changed_is_put_back(what):
 def test_it_is_put_back_where_the_block_raises():
     before = os.getcwd()
 
-    with suppress(ValueError), Restored("mine"):
+    with suppress(ValueError), ProcessRestorer("mine"):
         os.chdir("/")
         raise ValueError
 
@@ -118,7 +118,7 @@ def test_it_is_put_back_where_the_block_raises():
 
 def test_threads_that_are_left_do_not_keep_the_process_alive():
     stop = threading.Event()
-    with Restored("mine"):
+    with ProcessRestorer("mine"):
         thread = threading.Thread(target=stop.wait, daemon=False)
         thread.start()
 
@@ -132,10 +132,10 @@ def test_threads_that_are_left_do_not_keep_the_process_alive():
 LEFT = """
 import os, subprocess, sys, threading, time
 from concurrent.futures import ThreadPoolExecutor
-from glossbench.process.leftovers import children, end_children, leave
-from glossbench.process.state import Restored
-running = children()
-with Restored("mine"):
+from glossbench.process.leftovers import find_children, end_children, leave
+from glossbench.process.state import ProcessRestorer
+running = find_children()
+with ProcessRestorer("mine"):
     ThreadPoolExecutor().submit(time.sleep, 1000)
     threading.Thread(target=time.sleep, args=(1000,)).start()
     child = subprocess.Popen(["sleep", "1000"])
@@ -147,7 +147,7 @@ with Restored("mine"):
 end_children(but=running)
 print("on output")
 print("on error", file=sys.stderr)
-print(len(children() - running))
+print(len(find_children() - running))
 leave(7)
 """
 

@@ -10,7 +10,7 @@ from glossbench.findings.columns import make_metric_column
 from glossbench.reports.model.axes import Label, find_places, find_sweeps, with_costs
 from glossbench.reports.model.conditions import group_cells
 from glossbench.reports.model.equal import compare_errors, compare_times
-from glossbench.reports.model.lines import Measured, find_front, measure_lines
+from glossbench.reports.model.lines import MeasuredLine, find_front, measure_lines
 from glossbench.reports.model.panels import Axis
 from glossbench.reports.model.plots import plot_over_axis
 from glossbench.reports.model.tables import make_equal_table
@@ -21,7 +21,7 @@ from oracles.rows_by_hand import RMS, rows
 
 def line(name, index, ms, errors, at_floor=None):
     n = len(ms)
-    return Measured(
+    return MeasuredLine(
         Label(name, index, index, "#000000"),
         np.arange(1.0, n + 1),
         {"shade": np.array(ms, float)},

@@ -294,7 +294,7 @@ def test_slope_is_fitted_through_resolved_points():
     rms[-1] = 0.1  # held up by the reference's noise
 
     def line(k, at_floor):
-        return lines.Measured(
+        return lines.MeasuredLine(
             axes.Label("m", 0, 0, "#000000"), n[:k], {"shade": n[:k]}, rms[:k], np.array(at_floor[:k])
         )
 

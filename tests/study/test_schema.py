@@ -10,9 +10,9 @@ import yaml
 from glossbench.documentation import read_attributes
 from glossbench.metrics import METRICS
 from glossbench.options import list_options
-from glossbench.study.installed import find_study_files
 from glossbench.study.schema import REGISTRIES, schema
 from glossbench.study.shared_schema import share_parts
+from glossbench.study.study_files import find_study_files
 
 STUDY = {
     "title": "T",

@@ -23,11 +23,11 @@ from glossbench.options import Color, Fraction, Resolution, Widths
 from glossbench.scene.points import VIEWS, View
 from glossbench.shading.method import METHODS, Method
 from glossbench.study import document as yaml_marks
-from glossbench.study.cells import Tune, to_text
+from glossbench.study.cells import Tuning, to_text
 from glossbench.study.document import dump
-from glossbench.study.installed import find_study_files
 from glossbench.study.schema import schema
 from glossbench.study.study import load_study
+from glossbench.study.study_files import find_study_files
 
 
 class Glow(Light):
@@ -220,14 +220,14 @@ def test_cells_vary_the_method_fastest_and_the_light_slowest(write):
 def test_a_tuned_option_takes_its_range_from_its_bounds(write):
     study = load_study(write(a_study(methods="{sampler: {bias: {tune: rms}, samples: [1, 2]}}")))
 
-    assert [item.tune for item in study.methods] == [Tune("bias", "rms", -2, 2)] * 2
+    assert [item.tune for item in study.methods] == [Tuning("bias", "rms", -2, 2)] * 2
     assert study.methods[0].method.as_dict()["bias"] == 0
 
 
 def test_a_tuned_option_takes_the_range_that_is_stated(write):
     study = load_study(write(a_study(methods="{sampler: {gain: {tune: max_error, range: [0.5, 1.5]}}}")))
 
-    assert study.methods[0].tune == Tune("gain", "max_error", 0.5, 1.5)
+    assert study.methods[0].tune == Tuning("gain", "max_error", 0.5, 1.5)
 
 
 def test_a_tuned_option_without_a_default_starts_at_its_lowest(write):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glossbench.envmap.formats.decoded import Decoded
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.formats.refusals import check_fits, check_size, make_damage_error
 from glossbench.errors import InputError
 
@@ -20,7 +20,7 @@ _KNOWN = (
 )
 
 
-def read_dds(path: Path) -> Decoded:
+def read_dds(path: Path) -> ImageContent:
     """The first MIP level as a vertical strip (6 R, R, 3), float32: the faces +X, -X, +Y, -Y, +Z, -Z, top to bottom.
 
     The cube is left-handed: +X right, +Y up, +Z forward, each face seen from inside; alpha is dropped.
@@ -72,4 +72,4 @@ def read_dds(path: Path) -> Decoded:
     check_fits(path, width, 6 * height)
     faces = np.fromfile(path, np.uint8, 6 * face, offset=start).reshape(6, face)[:, : pixel * width * width]
     texels = np.ascontiguousarray(faces).view(dtype).reshape(6 * width, width, channels)
-    return Decoded(texels[..., :3].astype(np.float32))
+    return ImageContent(texels[..., :3].astype(np.float32))

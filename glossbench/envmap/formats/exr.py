@@ -12,10 +12,10 @@ from torch import Tensor
 
 from glossbench.atomic import replacing
 from glossbench.envmap.formats.chromaticities import convert_to_rec709
-from glossbench.envmap.formats.decoded import Covering, Decoded
 from glossbench.envmap.formats.exr_layers import Layer, choose_layer
+from glossbench.envmap.formats.image_content import Covering, ImageContent
 from glossbench.envmap.formats.refusals import check_fits, check_size, make_damage_error, take_last_error
-from glossbench.errors import CannotWrite, InputError
+from glossbench.errors import InputError, WriteError
 
 KIND = "an OpenEXR image"
 _BLOCK = 2**26  # bytes of pixels read at a time
@@ -25,7 +25,7 @@ _ENVMAP = {"LatLong Environment": ("lat_long", "mitsuba"), "CubeFace Environment
 _LAT_LONG_NOTE = "by its attribute envmap +z is in the centre, -x right of it (axes mitsuba); `axes: forward` wins"
 
 
-def read_exr(path: Path, layer: str | None = None) -> Decoded:
+def read_exr(path: Path, layer: str | None = None) -> ImageContent:
     """Radiance (H, W, 3), float32, of level 0 of the display window; pixels outside the data window are black.
 
     It is read from a named layer, or from the layer that holds all of the light (see `exr_layers`). Unsigned integers
@@ -64,7 +64,7 @@ def read_exr(path: Path, layer: str | None = None) -> Decoded:
         told = "the chromaticities " + " ".join(f"({x:.4g}, {y:.4g})" for x, y in pairs)
         image, more = convert_to_rec709(image, pairs, told)
         notes += more
-    return Decoded(image, notes, _read_covering(spec))
+    return ImageContent(image, notes, _read_covering(spec))
 
 
 def write_exr(
@@ -97,7 +97,7 @@ def write_exr(
     try:
         OpenEXR.File(header, content).write(coded)
     except RuntimeError as error:
-        raise CannotWrite(path, " ".join(str(error).split())) from None
+        raise WriteError(path, " ".join(str(error).split())) from None
     with replacing(path) as part:
         part.write_bytes(coded.getbuffer())
 

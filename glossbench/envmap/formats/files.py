@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from glossbench.envmap.formats import dds, exr, hdr, ldr, pfm
-from glossbench.envmap.formats.decoded import Decoded
 from glossbench.envmap.formats.exr import write_exr
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.formats.radiance import fit_to_be_light
 from glossbench.envmap.formats.signatures import advise, recognise
 from glossbench.errors import InputError
@@ -38,7 +38,7 @@ def read_pixels(path: str | Path, layer: str | None = None, ldr: bool = False) -
     return torch.from_numpy(read_file(path, layer, ldr).image)
 
 
-def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> Decoded:
+def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> ImageContent:
     """The image of a file, with notes about how it was read.
 
     Args:
@@ -62,7 +62,7 @@ def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> 
     return decoded._replace(image=np.ascontiguousarray(decoded.image))
 
 
-def _decode(path: Path, suffix: str, layer: str | None, is_ldr: bool) -> Decoded:
+def _decode(path: Path, suffix: str, layer: str | None, is_ldr: bool) -> ImageContent:
     if suffix == ".exr":
         return exr.read_exr(path, layer)
     if suffix in ldr.KINDS:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from glossbench.envmap.formats.chromaticities import REC_709, convert_to_rec709
-from glossbench.envmap.formats.decoded import Decoded
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.formats.refusals import check_size, make_damage_error
 from glossbench.envmap.formats.rgbe import read_pixels
 from glossbench.errors import InputError
@@ -20,7 +20,7 @@ _XYZ = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), (1 / 3, 1 / 3))
 _RADIANCE = ((0.64, 0.33), (0.29, 0.60), (0.15, 0.06), (1 / 3, 1 / 3))
 
 
-def read_hdr(path: Path) -> Decoded:
+def read_hdr(path: Path) -> ImageContent:
     """Radiance (H, W, 3), float32, row 0 at the top, from any of the eight scan orders.
 
     radiance = stored value / product of all EXPOSURE lines / product of all COLORCORR lines of the channel. It is
@@ -53,7 +53,7 @@ def read_hdr(path: Path) -> Decoded:
         )
         image, more = convert_to_rec709(image, primaries, given)
         notes += more
-    return Decoded(image, tuple(notes))
+    return ImageContent(image, tuple(notes))
 
 
 def _read_header(path: Path) -> tuple[list[str], re.Match[bytes], int]:

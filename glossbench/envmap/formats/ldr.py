@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from glossbench.envmap.formats.decoded import Decoded
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.formats.refusals import check_fits, check_size, make_damage_error, take_last_error
 from glossbench.errors import InputError
 from glossbench.srgb import decode
@@ -21,7 +21,7 @@ _FLOATS = (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
 _SRGB_IN_CICP = (1, 13)  # primaries and curve
 
 
-def read_ldr(path: Path, ldr: bool) -> Decoded:
+def read_ldr(path: Path, ldr: bool) -> ImageContent:
     """Colour (H, W, 3), float32; grey is repeated three times; alpha is dropped, and colour is not multiplied by it.
 
     Floats are radiance. Integers of 8 or 16 bits are mapped to [0, 1], then decoded from sRGB or from the power that a
@@ -60,10 +60,10 @@ def read_ldr(path: Path, ldr: bool) -> Decoded:
         source.close()
     image = _turn_upright(pixels[..., [0, 1, 2] if spec.nchannels > 2 else [0, 0, 0]], spec)
     if spec.format.basetype in _FLOATS:
-        return Decoded(np.ascontiguousarray(image), tuple(notes))
+        return ImageContent(np.ascontiguousarray(image), tuple(notes))
     n_values = _INTEGERS[spec.format.basetype]
     linear, notes_of_colour = _linearize(spec, np.arange(n_values) / (n_values - 1))
-    return Decoded(linear.astype(np.float32)[image], (*notes, *notes_of_colour))
+    return ImageContent(linear.astype(np.float32)[image], (*notes, *notes_of_colour))
 
 
 def _check_coding(path: Path, spec: oiio.ImageSpec, ldr: bool) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glossbench.envmap.formats.decoded import Decoded
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.formats.refusals import check_fits, check_size, make_damage_error
 
 KIND = "a portable float map"
@@ -15,7 +15,7 @@ _HEADER = re.compile(rb"(PF|Pf)\s+([0-9]{1,9})\s+([0-9]{1,9})\s+([-+]?[0-9.eE+-]
 _REST_OF_LINE = re.compile(rb"[ \t]+\r?\n")
 
 
-def read_pfm(path: Path) -> Decoded:
+def read_pfm(path: Path) -> ImageContent:
     """Image (H, W, 3), float32, row 0 at the top; grey (Pf) is repeated three times.
 
     value = stored * |scale|: a negative scale means little-endian; its magnitude is the unit of the samples, usually 1.
@@ -48,4 +48,4 @@ def read_pfm(path: Path) -> Decoded:
     check_fits(path, width, height)
     stored = np.fromfile(path, "<f4" if scale < 0 else ">f4", height * width * channels, offset=start)
     image = np.multiply(stored.reshape(height, width, channels)[::-1], abs(scale), dtype=np.float32)
-    return Decoded(image.repeat(3, axis=2) if channels == 1 else image)
+    return ImageContent(image.repeat(3, axis=2) if channels == 1 else image)

@@ -14,16 +14,16 @@ from torch import Tensor
 
 from glossbench.catalog.locate import locate
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.formats.decoded import Decoded
 from glossbench.envmap.formats.files import read_file
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.formats.radiance import Invalid, fit_to_be_light
 from glossbench.envmap.lights.facts import LightFacts, collect_facts
 from glossbench.envmap.lights.light import LIGHTS, Light
 from glossbench.envmap.projections.axes import Axes
 from glossbench.envmap.projections.conversion import Projection, to_cubemap
-from glossbench.envmap.projections.covering import Covered, resolve_covering
+from glossbench.envmap.projections.covering import CoveringChoice, resolve_covering
+from glossbench.file_guard import unchanged
 from glossbench.options import Resolution
-from glossbench.unchanged import unchanged
 
 
 @LIGHTS.register("file")
@@ -56,7 +56,7 @@ class FileLight(Light):
     invalid: Invalid = "refuse"
 
     @cached_property
-    def _decoded(self) -> Decoded:
+    def _decoded(self) -> ImageContent:
         """The content of the file, from which everything below follows."""
         path = locate(self.file)
         decoded = read_file(path, self.layer, self.ldr)
@@ -65,7 +65,7 @@ class FileLight(Light):
         return decoded._replace(notes=decoded.notes + fit_to_be_light(path, decoded.image, self.invalid))
 
     @cached_property
-    def _covered(self) -> Covered:
+    def _covered(self) -> CoveringChoice:
         """How the image covers the sphere."""
         return resolve_covering(self._decoded.covers, self.projection, self.axes, *self._decoded.image.shape[:2])
 

@@ -2,11 +2,11 @@
 
 from typing import NamedTuple, cast
 
-from glossbench.envmap.formats.decoded import Covering
+from glossbench.envmap.formats.image_content import Covering
 from glossbench.envmap.projections.conversion import Projection, fits, guess_projection, note_unusual_shape
 
 
-class Covered(NamedTuple):
+class CoveringChoice(NamedTuple):
     """The projection and the axes of an image, and notes about the choice."""
 
     projection: Projection
@@ -16,7 +16,7 @@ class Covered(NamedTuple):
 
 def resolve_covering(
     said: Covering | None, projection: Projection | None, axes: str | None, height: int, width: int
-) -> Covered:
+) -> CoveringChoice:
     """Options come first, then what the file states, then the shape and the axes `forward`.
 
     The axes that a file states belong to its projection: if the options state another projection, they are ignored.
@@ -33,10 +33,10 @@ def resolve_covering(
         said = None
     if said is None:
         chosen = projection or guess_projection(height, width)
-        return Covered(chosen, axes or "forward", (*notes, *note_unusual_shape(chosen, height, width)))
+        return CoveringChoice(chosen, axes or "forward", (*notes, *note_unusual_shape(chosen, height, width)))
     if axes not in (None, said.axes):
         notes.append(f"{said.said_by} says axes {said.axes}, read by axes {axes} as is stated")
     elif axes is None and said.note:
         notes.append(said.note)
     notes += note_unusual_shape(said.projection, height, width)
-    return Covered(cast("Projection", said.projection), axes or said.axes, tuple(notes))
+    return CoveringChoice(cast("Projection", said.projection), axes or said.axes, tuple(notes))

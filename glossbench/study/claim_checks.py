@@ -32,7 +32,7 @@ LARGER = ("higher", "greater", "larger", "more", "above", "worse")
 OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by", "margin")
 
 
-class Combined(Protocol):
+class Combinations(Protocol):
     """The part of a study that exclusions and claims are checked against: its items and all their combinations."""
 
     @property
@@ -53,7 +53,7 @@ class Combined(Protocol):
     def kept(self) -> Mask: ...
 
 
-def check_exclude(document: Document, study: Combined, any_light: bool) -> tuple[dict[str, Any], ...]:
+def check_exclude(document: Document, study: Combinations, any_light: bool) -> tuple[dict[str, Any], ...]:
     """The exclusions that leave out a cell; InputError for one that does not, or that has an unknown key.
 
     Args:
@@ -90,7 +90,7 @@ def check_exclude(document: Document, study: Combined, any_light: bool) -> tuple
     return tuple(kept)
 
 
-def check_claims(document: Document, study: Combined, any_light: bool) -> tuple[Claim, ...]:
+def check_claims(document: Document, study: Combinations, any_light: bool) -> tuple[Claim, ...]:
     """The claims; InputError for one that is wrong, or for which one side has no cell."""
     methods: dict[str, set[str]] = {}
     for item in study.methods:
@@ -134,7 +134,7 @@ def _suggest_kind(entry: Any) -> str:
     return "; that a column of one method has a value is written value: METHOD, of: COLUMN" if is_value else ""
 
 
-def _check_where(document: Document, study: Combined, claims: list[Claim], any_light: bool) -> None:
+def _check_where(document: Document, study: Combinations, claims: list[Claim], any_light: bool) -> None:
     """InputError for a claim for which one side has no cell."""
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
@@ -160,12 +160,12 @@ def _check_where(document: Document, study: Combined, claims: list[Claim], any_l
             )
 
 
-def collect_places(study: Combined) -> dict[str, Any]:
+def collect_places(study: Combinations) -> dict[str, Any]:
     """The study's lights, materials and views."""
     return {"light": study.lights, "material": study.materials, "view": study.views}
 
 
-def _collect_names(study: Combined, any_light: bool) -> dict[str, set[str]]:
+def _collect_names(study: Combinations, any_light: bool) -> dict[str, set[str]]:
     """All names that fit the study's lights, materials and views; without those of lights if any light is allowed."""
     return {
         place: {name for item in items for name in list_names(item.name, item.as_dict())}
