@@ -30,7 +30,7 @@ class Checkpoint:
         self._saved = time.monotonic()
 
     @staticmethod
-    def from_parts(folder: Path | None, *parts: Any) -> "Checkpoint":
+    def of(folder: Path | None, *parts: Any) -> "Checkpoint":
         """The file in a folder whose name depends on the parts (texts, numbers, tensors) and on the source code.
 
         A part that is a class counts by the hash of its source.

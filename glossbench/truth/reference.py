@@ -162,7 +162,7 @@ def compute_reference(
     done = [0] * N_REPLICATES
     made_by = type(material), type(occluder)
     key = getattr(occluder, "key", "")
-    kept = Checkpoint.from_parts(checkpoint, *made_by, light.faces, material.key(), points, key, seed, device)
+    kept = Checkpoint.of(checkpoint, *made_by, light.faces, material.key(), points, key, seed, device)
     kept.load(sums, done)
     engines = [
         [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]

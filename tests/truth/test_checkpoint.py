@@ -6,7 +6,7 @@ from glossbench.truth.checkpoint import Checkpoint
 
 
 def path_of(folder, *parts):
-    return Checkpoint.from_parts(folder, *parts).path
+    return Checkpoint.of(folder, *parts).path
 
 
 def test_the_source_of_a_class_decides_which_sums_are_taken_up(tmp_path, monkeypatch):
