@@ -26,7 +26,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Within the block, a signal that asks the process to end raises KeyboardInterrupt, and the temporary file is removed.
 
     Raises:
-        CannotWrite: the disk is full, or the folder does not exist or cannot be written.
+        WriteError: the disk is full, or the folder does not exist or cannot be written.
     """
     # The temporary name has the same length for every path. It keeps the ending, from which writers know the format.
     ending = path.suffix if re.fullmatch(r"\.\w{1,8}", path.suffix, re.ASCII) else ""

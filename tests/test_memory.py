@@ -120,7 +120,7 @@ def test_the_smallest_limit_counts(monkeypatch, tmp_path):
 def test_a_limit_on_the_address_space_counts():
     code = (
         "import resource; resource.setrlimit(resource.RLIMIT_AS, (3 * 10**9,) * 2)\n"
-        "from glossbench.memory import available; print(available())"
+        "from glossbench.memory import read_available; print(read_available())"
     )
 
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

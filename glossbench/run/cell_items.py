@@ -39,7 +39,7 @@ class CellParts:
         """Check that the files which they read are still those that the keys name.
 
         Raises:
-            Changed: a file has changed.
+            ChangedInput: a file has changed.
             MethodError: the key of a plug-in differs at each call, or a plug-in wrote into one of our items.
         """
         for i, each in enumerate((self.material, self.view, self.method)):

@@ -75,8 +75,8 @@ class Executor:
         """The row of a cell: read from disk, or made and written.
 
         Raises:
-            Changed: a file has changed since the run began.
-            CannotWrite: the folder of results cannot be written.
+            ChangedInput: a file has changed since the run began.
+            WriteError: the folder of results cannot be written.
         """
         record = self._begin_record(cell, known.key, known.reference_key)
         stored = self._read_stored(cell, record)

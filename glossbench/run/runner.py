@@ -53,7 +53,7 @@ def run_study(
     Raises:
         InputError: the device is missing, a file cannot be read, the folder cannot be written, or it holds files that
             would be lost. Nothing is written then.
-        CannotWrite: a write failed, for example because the disk is full. Finished cells are kept.
+        WriteError: a write failed, for example because the disk is full. Finished cells are kept.
     """
     if not study.has_device():
         raise InputError("the study states device: cuda, but this machine has none; write device: cpu")

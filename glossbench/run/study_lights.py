@@ -42,7 +42,7 @@ class StudyLights:
         """The radiance of a light.
 
         Raises:
-            Changed: its file has changed since it was first read.
+            ChangedInput: its file has changed since it was first read.
             MethodError: a plug-in's light is not a valid light, or it failed before.
         """
         if self._light is None or self._item is not item:

@@ -69,7 +69,7 @@ class StageCache:
         """The value of a stage. It is computed and timed (see `time_work`) if the cache does not have an equal one.
 
         Args:
-            keys: keys of the inputs; the key of another stage is its `Prepared.key`.
+            keys: keys of the inputs; the key of another stage is its `PreparedStage.key`.
         """
         known = (stage, tuple(map(_make_hashable, keys)))
         entries = self._entries.setdefault(known, [])

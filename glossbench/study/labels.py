@@ -117,7 +117,7 @@ def with_options(name: str, options: Mapping[str, Any]) -> str:
 def format_options(options: Mapping[str, Any]) -> str:
     """Options as text, as in names.
 
-    >>> listed({"samples": 14, "m": [0.1, 0.04], "filter": "gauss"})
+    >>> format_options({"samples": 14, "m": [0.1, 0.04], "filter": "gauss"})
     'samples 14, m [0.1, 0.04], filter gauss'
     """
     return ", ".join(f"{key} {as_text(value)}" for key, value in options.items())
@@ -138,9 +138,9 @@ def as_text(value: Any, digits: int = 4) -> str:
 def format_values(values: Iterable[Any]) -> Texts:
     """The text of each value, by its JSON, with enough digits that different values have different texts.
 
-    >>> texts_of([0.12345678, 0.5])
+    >>> format_values([0.12345678, 0.5])
     {'0.12345678': '0.1235', '0.5': '0.5'}
-    >>> texts_of([0.12345678, 0.12345])
+    >>> format_values([0.12345678, 0.12345])
     {'0.12345678': '0.1234568', '0.12345': '0.12345'}
     """
     known = {_make_key(value): value for value in values}
@@ -202,7 +202,7 @@ def _follows(values: Sequence[Any], asked: Sequence[Any], is_budget: bool) -> bo
 def find_differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
     """Keys, in order, whose values are not all equal.
 
-    >>> differing([{"m": 0.1, "f0": 1.0}, {"m": 0.2, "f0": 1.0}, {"m": 0.2, "f0": 1.0, "kd": 0.5}])
+    >>> find_differing([{"m": 0.1, "f0": 1.0}, {"m": 0.2, "f0": 1.0}, {"m": 0.2, "f0": 1.0, "kd": 0.5}])
     ['m', 'kd']
     """
     keys = dict.fromkeys(key for each in options for key in each)

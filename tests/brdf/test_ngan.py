@@ -107,7 +107,7 @@ def test_a_material_is_made_by_name_and_its_nearest_name_is_offered(shared_data,
 
     chrome = MATERIALS.create("ngan", {"material": "chrome", "model": "ward"})
 
-    assert chrome.fitted().m == (0.0101, 0.0101)
+    assert chrome.build_fit().m == (0.0101, 0.0101)
     assert chrome.key() != MATERIALS.create("ngan", {"material": "brass", "model": "ward"}).key()
     with pytest.raises(InputError, match=r"the tables have no 'chrom'; did you mean 'chrome'\?"):
         MATERIALS.create("ngan", {"material": "chrom"})
@@ -170,7 +170,7 @@ def test_a_table_of_ward_duer_has_its_normalisation(own):
     fit = MATERIALS.create("ngan", {"file": str(own), "material": "brass"})
     wo, wi = vectors([direction(pi / 3, 0.0)]), vectors([direction(pi / 3, pi)])
 
-    assert fit.fitted().normalisation == "duer"
+    assert fit.build_fit().normalisation == "duer"
     assert float(fit.f(wo, wi)[0]) == pytest.approx(0.05 / pi + 0.07 / (4 * pi * 0.25**2 * 0.25), rel=1e-5)
 
 
@@ -194,7 +194,7 @@ def test_a_line_is_taken_as_its_writer_spaces_it(tmp_path, old, new):
 
 
 def test_a_table_may_hold_several_models_with_numbers_in_any_order(own):
-    tin = MATERIALS.create("ngan", {"file": str(own), "material": "tin"}).fitted()
+    tin = MATERIALS.create("ngan", {"file": str(own), "material": "tin"}).build_fit()
 
     assert isinstance(tin, CookTorrance)
     assert (tin.m, tin.f0, tin.kd) == ((0.3, 0.3), (0.5,) * 3, (0.0, 2.5e-05, 0.0))

@@ -507,7 +507,7 @@ def test_an_entry_is_fetched_into_the_cache_and_reported(server, cache, monkeypa
     path = fetch("teapot")
 
     assert path == cache / "teapot.obj"
-    assert stated.local() == path
+    assert stated.find_local() == path
     assert caplog.messages == [f"teapot.obj is not here: fetching 0.3 MB from {download.host(server.url)}"]
     fetch("teapot")
     assert len(server.requests) == len(caplog.messages) == 1

@@ -159,8 +159,8 @@ import os, sys, runpy
 import glossbench.reports.style
 assert os.environ["MPLBACKEND"] == "module://nowhere"
 from glossbench.catalog.entries import Entry
-from glossbench.documentation import documentation, first_line
-assert documentation(Entry) == sys.argv.pop()
+from glossbench.documentation import read_documentation, read_first_line
+assert read_documentation(Entry) == sys.argv.pop()
 sys.stdout.reconfigure(encoding="ascii")
 runpy.run_module("glossbench", run_name="__main__", alter_sys=True)
 """

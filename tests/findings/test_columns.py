@@ -66,13 +66,13 @@ RECORD = CellRecord(key="k", reference_key="r", light="constant", material="ggx"
 
 def test_a_row_has_every_declared_column_and_its_metrics():
     record = replace(RECORD, metrics={"flip": 0.25})
-    assert set(record.row()) == {name for name in COLUMNS if not name.endswith("_name")} | {"flip"}
-    assert record.row()["flip"] == 0.25
+    assert set(record.to_row()) == {name for name in COLUMNS if not name.endswith("_name")} | {"flip"}
+    assert record.to_row()["flip"] == 0.25
 
 
 def test_options_in_another_order_are_the_same_text():
     first, second = (
-        replace(RECORD, options=options).row()["options"] for options in ({"a": 1, "b": 2}, {"b": 2, "a": 1})
+        replace(RECORD, options=options).to_row()["options"] for options in ({"a": 1, "b": 2}, {"b": 2, "a": 1})
     )
     assert first == second == '{"a": 1, "b": 2}'
 

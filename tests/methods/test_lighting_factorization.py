@@ -55,7 +55,7 @@ def read(factors, names, points, level=-1):
 @pytest.mark.parametrize("solver", ["qmr", "cg"])
 def test_a_lighting_function_that_is_a_product_is_recovered(parameters, names, solver):
     pairs = valid_pairs(4)
-    points = pair_points(4, pairs).each(lambda c: c.double())
+    points = pair_points(4, pairs).map(lambda c: c.double())
     true = {"normal": 0.3, "reflection": 1.0, "view": -0.5}
     generator = np.random.default_rng(0)
     log_lo = sum(

@@ -238,7 +238,7 @@ class Given(View):
         return torch.ones(1, len(self.points()), dtype=torch.bool)
 
     def points(self):
-        return self.held[1].each(lambda c: c[:, 0])
+        return self.held[1].map(lambda c: c[:, 0])
 
     def scene(self):
         return self.held[0]

@@ -132,10 +132,10 @@ def test_threads_that_are_left_do_not_keep_the_process_alive():
 LEFT = """
 import os, subprocess, sys, threading, time
 from concurrent.futures import ThreadPoolExecutor
-from glossbench.process.leftovers import children, end_children, leave
-from glossbench.process.state import Restored
-running = children()
-with Restored("mine"):
+from glossbench.process.leftovers import find_children, end_children, leave
+from glossbench.process.state import ProcessRestorer
+running = find_children()
+with ProcessRestorer("mine"):
     ThreadPoolExecutor().submit(time.sleep, 1000)
     threading.Thread(target=time.sleep, args=(1000,)).start()
     child = subprocess.Popen(["sleep", "1000"])
@@ -147,7 +147,7 @@ with Restored("mine"):
 end_children(but=running)
 print("on output")
 print("on error", file=sys.stderr)
-print(len(children() - running))
+print(len(find_children() - running))
 leave(7)
 """
 

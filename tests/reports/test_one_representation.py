@@ -47,7 +47,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def report(folder):
-    return Report.of(Results(folder))
+    return Report.from_results(Results(folder))
 
 
 def test_a_cost_that_the_run_declared_is_a_column_in_its_own_unit(report):
@@ -55,7 +55,7 @@ def test_a_cost_that_the_run_declared_is_a_column_in_its_own_unit(report):
 
 
 def test_the_check_of_units_notices_stored_values_that_are_shown(folder):
-    report = Report.of(Results(folder))
+    report = Report.from_results(Results(folder))
     column = report.columns["baking_seconds"]
     report.columns["baking_seconds"] = Column(column.name, float, "ms", 1.0, "cost", "baking")
 
@@ -86,7 +86,7 @@ def test_page_print_and_spreadsheet_have_the_columns_that_the_run_declared(folde
         assert "12 345" in " ".join(text.split())
         assert "765" in text
     assert "baking [ms]" in printed
-    assert Report.of(Results(folder)).results.cells.n_rays[0] == 12345
+    assert Report.from_results(Results(folder)).results.cells.n_rays[0] == 12345
 
 
 def test_columns_of_errors_counts_and_costs_are_known_by_their_roles(report):
@@ -146,7 +146,7 @@ def test_equal_values_are_stored_once_in_the_page(report):
 
     texts = [json.dumps(value) for value in data["pool"]]
     assert len(set(texts)) == len(texts)
-    assert data == plot_data(Report.of(report.results))
+    assert data == plot_data(Report.from_results(report.results))
 
 
 # Intervals. Errors against the whole reference and without each of four groups, of which statistics is by hand.
@@ -162,7 +162,7 @@ def test_the_check_of_intervals_notices_a_standard_error_in_the_place_of_half_an
     monkeypatch.setattr("glossbench.findings.estimates.Estimate.half_width", property(lambda e: e.standard_error))
 
     with pytest.raises(AssertionError):
-        check_interval(Report.of(Results(folder)))
+        check_interval(Report.from_results(Results(folder)))
 
 
 def check_interval(report):
@@ -191,7 +191,7 @@ def test_without_groups_there_is_no_interval(report):
 
 def test_reports_print_the_words_of_the_run_and_not_of_what_is_installed(folder):
     known = describe_study(Results(folder).study)
-    own = replace(known.of("method", "regular_sampling"), text="Drawn by lot.", source="Cook 1986.", equation="")
+    own = replace(known.find("method", "regular_sampling"), text="Drawn by lot.", source="Cook 1986.", equation="")
     (folder / "described.json").write_text(json.dumps(replace(known, described=(own,)).as_dict()))
     try:
         report = Report.of(Results(folder))

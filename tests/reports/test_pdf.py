@@ -253,8 +253,8 @@ def test_crops_lie_where_errors_are_and_do_not_overlap():
     first, second, *_ = choose_crops([error, 0.5 * error], mask, 2.0, 3)
 
     assert first.width == second.height == 12  # the smallest
-    assert first.of(error).sum() == -200
-    assert second.of(error).sum() == 100
+    assert first.cut(error).sum() == -200
+    assert second.cut(error).sum() == 100
 
 
 def test_crops_lie_on_the_surface():

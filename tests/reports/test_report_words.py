@@ -123,7 +123,7 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
     def over(name, **options):
         cells.assign(**options).to_parquet(tmp_path / "cells.parquet")
-        return AxisOption().asked(Report.of(Results.open(tmp_path)), {}, name).name
+        return AxisOption().asked(Report.from_results(Results.open(tmp_path)), {}, name).name
 
     alike = {"view_options": '{"resolution": 64}'}
     assert over("m", **alike) == over("material.m", **alike) == "material.m"

@@ -202,7 +202,7 @@ def ended(study_of, tmp_path, monkeypatch):
         monkeypatch.setattr("glossbench.run.cell_keys.TRIES", tries)
         executor = Executor(study_of(), Results(tmp_path / "r"), Progress())
         executor.results.create()
-        known = {cell.method.level: executor.keys.of(cell).spelled for cell in cells}
+        known = {cell.method.level: executor.keys.identify(cell).spelled for cell in cells}
         (tmp_path / "r" / "begun").mkdir()
         for level, n in times.items():
             mark = {"times": n, "host": socket.gethostname(), "pid": DEAD}

@@ -86,8 +86,8 @@ class Seen(View):
         (lambda m: m.float(), lambda p: p, "must return booleans"),
         (lambda m: m.flatten(), lambda p: p, "must return booleans"),
         (lambda m: m | True, lambda p: p, r"t needs components \(16,\) float32"),
-        (lambda m: m, lambda p: p.each(lambda c: c.double()), "t needs components"),
-        (lambda m: m, lambda p: p.each(lambda c: c * float("nan")), "t must be finite"),
+        (lambda m: m, lambda p: p.map(lambda c: c.double()), "t needs components"),
+        (lambda m: m, lambda p: p.map(lambda c: c * float("nan")), "t must be finite"),
     ],
 )
 def test_a_view_of_other_points_than_its_mask_is_refused(monkeypatch, mask, points, rule):

@@ -146,7 +146,7 @@ def test_the_pairs_that_are_counted_are_those_that_the_verdict_finds(write):
     from glossbench.findings.verdicts import judge
 
     study = load_study(write(claims=f"[{{text: A, {PAIR}}}, {{text: B, {PAIR}, where: {{samples: 8}}}}]"))
-    rows = [cell.record(metrics={"rms": 1.0}, n_samples=1).row() for cell in study.cells()]
+    rows = [cell.make_record(metrics={"rms": 1.0}, n_samples=1).to_row() for cell in study.cells()]
 
     verdicts = judge(study.claims, pandas.DataFrame(rows))
 

@@ -104,7 +104,7 @@ def test_a_mesh_and_a_table_next_to_the_study_are_run(here):
 
 def test_python_takes_bare_names_too(here):
     assert gb.material(str(here / "goniometer.brdf")).name == "measured"
-    assert gb.material(str(here / "paint.fit"), material="paint").fitted().m == (0.2, 0.2)
+    assert gb.material(str(here / "paint.fit"), material="paint").build_fit().m == (0.2, 0.2)
     assert gb.view(str(here / "cube.obj"), resolution=4).mask().any()
 
 
