@@ -46,9 +46,8 @@ def check_call(function: str, **arguments: tuple[object, type]) -> None:
         if not isinstance(value, wanted):
             example = value if isinstance(value, str) else "..."
             order = ", ".join(arguments)
-            raise InputError(
-                f'{function}({order}): {name} must be what gb.{name}("{example}") makes, got {describe_wrong_value(value)}'
-            )
+            got = describe_wrong_value(value)
+            raise InputError(f'{function}({order}): {name} must be what gb.{name}("{example}") makes, got {got}')
 
 
 class MethodError(RuntimeError):

@@ -183,7 +183,7 @@ def is_foreign(cls: type) -> bool:
 
 
 def guarded(cls: type) -> AbstractContextManager[None]:
-    """The context for calls of a class: `ProcessRestorer` for a plug-in's class; our own classes do not change the process."""
+    """The context for calls of a class: `ProcessRestorer` for a plug-in's class, as ours do not change the process."""
     return ProcessRestorer(cls.__name__) if is_foreign(cls) else nullcontext()
 
 

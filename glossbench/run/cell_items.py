@@ -30,7 +30,7 @@ class CellParts:
     keys: tuple[str, ...]
 
     @classmethod
-    def from_cell(cls, cell: Cell) -> "Made":
+    def from_cell(cls, cell: Cell) -> "CellParts":
         """The parts of a cell; raises whatever a plug-in raises."""
         material, view, method = copy_of(cell.material), copy_of(cell.view), copy_of(cell.method)
         return cls(material, view, method, tuple(check_key(each.name, each.key()) for each in (material, view, method)))

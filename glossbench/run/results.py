@@ -81,8 +81,9 @@ class Results(CellFiles):
         missing = old.find_missing(before, study, cells)
         is_part = bool(missing) and before is not None and all(cell in old.cells for cell in cells)
         if missing and not is_part:
+            lost = join_first(missing)
             raise InputError(
-                f"{self.folder} holds results that this run does not have, and that would be lost: {join_first(missing)}; "
+                f"{self.folder} holds results that this run does not have, and that would be lost: {lost}; "
                 "choose another folder with -o"
             )
         if is_part:

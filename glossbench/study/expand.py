@@ -276,7 +276,8 @@ def _explain_unknown(kind: str, name: str, stated: Any) -> str:
     if isinstance(stated, str) and kind in WORDS:
         meant, option = WORDS[kind](stated)
         if option:
-            return f"{REGISTRIES[kind].explain_unknown(name).partition(';')[0]}; write {stated}, or {meant}: {_format_flow(option)}"
+            unknown = REGISTRIES[kind].explain_unknown(name).partition(";")[0]
+            return f"{unknown}; write {stated}, or {meant}: {_format_flow(option)}"
     if ENDINGS.get(kind) and Path(name).suffix:
         return f"unknown {kind} {name!r}; a file that is a {kind} ends in {', '.join(ENDINGS[kind])}"
     return REGISTRIES[kind].explain_unknown(name)

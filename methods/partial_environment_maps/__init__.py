@@ -78,7 +78,7 @@ class PartialEnvironmentMaps(Method):
     Source: Knuth et al. 2014, sections 3 and 4, eq. 3 to 5; lobe sums as Kautz and McCool 2000. Differs: the factor A,
     for f cos_i, is not in eq. 4: c is a mean, its integral (s + 1) / (2 pi) times eq. 4. Cropped cubes are ours, and so
     is the quantity that the parabolic maps of section 5 filter, see `build_parabolic_maps`. The blur depends on the
-    angle that a region's area spans, see `variance_shadow_maps`.
+    angle that a region's area spans, see `build_variance_shadow_maps`.
     """
 
     regions: Annotated[int, Field(ge=6, le=4096)] = 64
