@@ -32,7 +32,7 @@ class StudyLights:
         self._device, self._marks = device, marks
         self._item: Light | None = None
         self._light: CubeMap | None = None
-        # All by the text of the light (text_of).
+        # All by the text of the light (to_text).
         self._keys: dict[str, str] = {}
         self._notes: dict[str, tuple[str, ...]] = {}
         self._broken: dict[str, str] = {}
