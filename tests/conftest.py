@@ -67,7 +67,7 @@ def _nothing_waits():
 
     with pytest.MonkeyPatch.context() as patch:
         for module in (image, stage_cache):
-            patch.setattr(module, "timed", lambda work, device, patience: time_work(work, device, 0))
+            patch.setattr(module, "time_work", lambda work, device, patience: time_work(work, device, 0))
         patch.setattr(os, "fsync", lambda opened: None)
         yield
 
@@ -99,7 +99,7 @@ def several_runs(monkeypatch):
     from glossbench.shading.costs import time_work
 
     for module in ("image", "stage_cache"):
-        monkeypatch.setattr(f"glossbench.shading.{module}.timed", time_work)
+        monkeypatch.setattr(f"glossbench.shading.{module}.time_work", time_work)
 
 
 @pytest.fixture(scope="session")

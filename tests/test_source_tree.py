@@ -31,7 +31,7 @@ def needs(tmp_path):
             file = tmp_path / "lab" / f"{name}.py"
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text)
-        closure = SourceTree("lab", tmp_path / "lab").closure([ImportedName("lab.first")])
+        closure = SourceTree("lab", tmp_path / "lab").find_closure([ImportedName("lab.first")])
         assert all(path.is_file() for path in closure.values())
         return {name.removeprefix("lab.") for name in closure} - {"first"}
 
@@ -80,7 +80,7 @@ def test_modules_that_import_each_other_are_found_once(needs, monkeypatch):
 def test_the_imports_of_glossbench_itself_are_read_without_its_package_running():
     source = read_source(Path(source_tree.__file__), "glossbench")
 
-    assert ImportedName("glossbench.source_imports", "Imported") in source.imports
+    assert ImportedName("glossbench.source_imports", "ImportedName") in source.imports
 
 
 PLUGIN = """
@@ -102,7 +102,7 @@ def test_a_plug_in_needs_what_it_takes_of_glossbench(tmp_path):
 
 
 def test_methods_of_a_checkout_are_found_where_they_lie():
-    closure = source_tree.GLOSSBENCH.closure([ImportedName("glossbench.methods.importance_sampling")])
+    closure = source_tree.GLOSSBENCH.find_closure([ImportedName("glossbench.methods.importance_sampling")])
 
     assert closure["glossbench.methods.importance_sampling"].parts[-2:] == ("methods", "importance_sampling.py")
 

@@ -104,7 +104,7 @@ def _load_templates() -> Environment:
         "budget": read_budget,
     }
     templates.filters |= {"options": format_options, "breakable": _make_breakable}
-    templates.globals |= {"claim_table": make_claim_table, "equal_table": make_equal_table}
+    templates.globals |= {"make_claim_table": make_claim_table, "make_equal_table": make_equal_table}
     return templates
 
 

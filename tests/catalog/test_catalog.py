@@ -57,7 +57,7 @@ def test_each_file_of_the_manifest_is_an_entry_as_stated_there(shared_data):
 def test_each_entry_is_found_among_the_data_by_its_hash(shared_data, monkeypatch):
     monkeypatch.setenv("GLOSSBENCH_DATA", str(shared_data))
 
-    missing = [e.name for e in list_entries() if e.local() is None]
+    missing = [e.name for e in list_entries() if e.find_local() is None]
 
     assert missing == []
 
@@ -79,7 +79,7 @@ def test_another_file_of_the_same_name_is_not_the_entry(tmp_path, monkeypatch):
     monkeypatch.setenv("GLOSSBENCH_DATA", str(tmp_path))
     (tmp_path / "teapot.obj").write_bytes(b"v 0 0 0")
 
-    assert find_entry("teapot").local() is None
+    assert find_entry("teapot").find_local() is None
 
 
 # Names as lights

@@ -78,13 +78,13 @@ def test_options_in_another_order_are_the_same_text():
 
 
 def test_stages_keep_their_order_in_a_row():
-    row = replace(RECORD, stage_seconds={"z": 1.0, "a": 2.0}).row()
+    row = replace(RECORD, stage_seconds={"z": 1.0, "a": 2.0}).to_row()
     assert list(parse_row(row)["stage_seconds"]) == ["z", "a"]
 
 
 def test_a_parsed_row_has_the_values_of_its_record_and_none_for_what_is_missing():
     record = replace(RECORD, options={"samples": 4}, notes=["a note"], shade_seconds=0.5)
-    row = parse_row(record.row())
+    row = parse_row(record.to_row())
     assert (row["options"], row["notes"], row["shade_seconds"]) == ({"samples": 4}, ["a note"], 0.5)
     assert row["reference_noise"] is None
 

@@ -155,7 +155,7 @@ LEFT_OUT = [2.0, 2.1, 1.9, 2.2, 1.8]
 
 
 def test_tables_show_half_the_interval_of_a_number_and_plots_show_its_ends(folder):
-    check_interval(Report.of(Results(folder)))
+    check_interval(Report.from_results(Results(folder)))
 
 
 def test_the_check_of_intervals_notices_a_standard_error_in_the_place_of_half_an_interval(folder, monkeypatch):
@@ -194,7 +194,7 @@ def test_reports_print_the_words_of_the_run_and_not_of_what_is_installed(folder)
     own = replace(known.find("method", "regular_sampling"), text="Drawn by lot.", source="Cook 1986.", equation="")
     (folder / "described.json").write_text(json.dumps(replace(known, described=(own,)).as_dict()))
     try:
-        report = Report.of(Results(folder))
+        report = Report.from_results(Results(folder))
         (first, *_) = describe_methods([own.name], report.descriptions)
     finally:
         (folder / "described.json").unlink()

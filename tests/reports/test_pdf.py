@@ -264,7 +264,7 @@ def test_crops_lie_on_the_surface():
 
     (crop,) = choose_crops([error], mask, 10.0, 1)
 
-    assert crop.of(mask).all()
+    assert crop.cut(mask).all()
     assert choose_crops([np.zeros((60, 60))], mask, 1.0) == []
 
 
