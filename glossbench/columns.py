@@ -144,6 +144,7 @@ class CellRecord:
     shade_runs: Annotated[int, about("provenance", "timed runs", group="shade")] = 0
     busy: Annotated[float, about("provenance", "processor taken by other work", unit="%", scale=100.0)] = NAN
     reference_seconds: Annotated[float, about("reference", "time of the reference", unit="s")] = NAN
+    kernels: Annotated[dict[str, str], about("provenance", "how its kernels ran")] = field(default_factory=dict)
     version: Annotated[str, about("provenance", "version of glossbench")] = ""
     torch: Annotated[str, about("provenance", "version of torch")] = ""
     device: Annotated[str, about("provenance")] = ""

@@ -26,7 +26,9 @@ from glossbench.scene.points import ShadingPoints
 from glossbench.scene.shapes import cloth
 from glossbench.scene.sphere import Sphere
 from glossbench.scene.virtual_cube import pair_points, valid_pairs, virtual_directions
-from glossbench.shading.kernels import can_fuse, over_points
+from glossbench.shading.kernels import kernel, over_points
+from glossbench.shading.kernels.backend import always, choosing, never
+from glossbench.shading.kernels.build import has_compiler
 from glossbench.shading.method import METHODS, stages_of
 
 SAMPLES, CUBE, VIEW, REGIONS = 32, 256, 128, 64
@@ -64,18 +66,21 @@ def _kernel_lines() -> list[Line]:
     arguments = (lobe, samples, pyramid, level)
     pairs = len(points) * SAMPLES
     plain = _rate(lambda: _straightforward(points, lobe, samples, pyramid, level), pairs)
-    eager = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments, fuse=False), pairs)
+    with choosing(never):
+        eager = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments), pairs)
     what = f"filtered importance sampling, {SAMPLES} samples, {CUBE} cube, {VIEW}^2 sphere"
     lines = [
         Line(f"{what}: straightforward eager", f"{plain:.1f} M samples/s", "1"),
         Line(f"{what}: chunked eager", f"{eager:.1f} M samples/s", f"{eager / plain:.1f}"),
     ]
-    if can_fuse():
-        fused = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments, fuse=True), pairs)
-        lines.append(Line(f"{what}: fused", f"{fused:.1f} M samples/s", f"{fused / plain:.1f}"))
+    if has_compiler():
+        with choosing(always):
+            compiled = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments), pairs)
+        lines.append(Line(f"{what}: compiled", f"{compiled:.1f} M samples/s", f"{compiled / plain:.1f}"))
     return lines
 
 
+@kernel("bench_filtered_samples")
 def _filtered(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
     """Filtered samples of an unoccluded light."""
     _, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
@@ -103,15 +108,19 @@ def _lighting_lines() -> list[Line]:
     normals = torch.arange(0, 384, 48)
     terms = len(valid_pairs(8)) * 6 * 32**2
     plain = _rate(lambda: [_term_by_term(light, material, 8, int(n)) for n in normals], terms * len(normals) // 384, 1)
-    ours = _rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=False), terms, 1)
+    with choosing(never):
+        ours = _rate(lambda: sample_lighting_function(light, material, 8, 32), terms, 1)
     what = "lighting function, Cook-Torrance, virtual cube of 8, light of 32"
     lines = [
         Line(f"{what}: term by term, eager", f"{plain:.1f} M terms/s", "1"),
         Line(f"{what}: one normal for 24, eager", f"{ours:.1f} M terms/s", f"{ours / plain:.1f}"),
     ]
-    if can_fuse():
-        fused = _rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=True), terms, 1)
-        lines.append(Line(f"{what}: one normal for 24, fused", f"{fused:.1f} M terms/s", f"{fused / plain:.1f}"))
+    if has_compiler():
+        with choosing(always):
+            compiled = _rate(lambda: sample_lighting_function(light, material, 8, 32), terms, 1)
+        lines.append(
+            Line(f"{what}: one normal for 24, compiled", f"{compiled:.1f} M terms/s", f"{compiled / plain:.1f}")
+        )
     return lines
 
 
@@ -185,7 +194,8 @@ def shade_large() -> Tensor:
     points, pyramid = Sphere(resolution=512).points(), build_pyramid(Spots().cubemap(), "gauss6")
     lobe = Kurt(m=(0.15, 0.15)).reflectance().lobes[0]
     samples = lobe.sample_points(points_2d(270))
-    return over_points(_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0), fuse=False)
+    with choosing(never):
+        return over_points(_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0))
 
 
 # Runs in a process of its own, so that the peak is that of this work alone.
