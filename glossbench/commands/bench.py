@@ -12,8 +12,10 @@ import torch
 from torch import Tensor
 
 from glossbench.brdf.cook_torrance import CookTorrance
-from glossbench.brdf.kurt import Kurt
+from glossbench.brdf.kurt import FreeShadowing, Kurt
 from glossbench.brdf.lobe import Lobe
+from glossbench.commands.bench_drjit import drjit_version, filtered_samples_in_drjit
+from glossbench.commands.bench_kernels import method_calls, rates
 from glossbench.directions import Vec3, points_2d, stack, to_local, vec3
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Spots
@@ -47,6 +49,8 @@ def measure(tell: Callable[[str], None]) -> list[Line]:
     """All measurements, in a minute or two; `tell` is called with the name of each before it begins."""
     tell("shading kernel")
     lines = _kernel_lines()
+    tell("the kernels of all methods")
+    lines += _method_lines()
     tell("sampling the lighting function")
     lines += _lighting_lines()
     tell("pyramids of a 1024 cube")
@@ -77,6 +81,20 @@ def _kernel_lines() -> list[Line]:
         with choosing(always):
             compiled = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments), pairs)
         lines.append(Line(f"{what}: compiled", f"{compiled:.1f} M samples/s", f"{compiled / plain:.1f}"))
+    if (installed := drjit_version()) is None:
+        return [*lines, Line(f"{what}: Dr.Jit", "not measured: it or LLVM is not installed")]
+    assert isinstance(lobe, FreeShadowing)
+    drjit = _rate(filtered_samples_in_drjit(points, lobe, samples, pyramid, level), pairs)
+    return [*lines, Line(f"{what}: Dr.Jit {installed}", f"{drjit:.1f} M samples/s", f"{drjit / plain:.1f}")]
+
+
+def _method_lines() -> list[Line]:
+    """The first kernel of each method, compiled, compared with itself run eagerly."""
+    lines = []
+    for name, call, pairs in method_calls(CUBE, VIEW, SAMPLES) if has_compiler() else ():
+        found, what = rates(call, pairs), f"{name}, {call.kernel.name}: compiled, compared with eager"
+        value = f"{found[1]:.1f} M pairs/s" if found else "not compiled"
+        lines.append(Line(what, value, f"{found[1] / found[0]:.1f}" if found else ""))
     return lines
 
 

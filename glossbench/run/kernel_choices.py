@@ -27,9 +27,12 @@ class KernelChoices:
         self._choices: dict[str, list[str]] = {} if again else _read(folder)
 
     def choose(self, call: Call) -> bool:
-        """Whether a call runs compiled. If that has not been chosen, it does if it can at once."""
+        """Whether a call runs compiled. If that has not been chosen, it does if it can at once.
+
+        On another device nothing is ready, and the choice is whether compiling pays for this call.
+        """
         if call.key not in self._choices:
-            self._set([(call, is_ready(call))])
+            self._set([(call, is_ready(call) if call.is_on_cpu else pays(call))])
         return self._choices[call.key][1] == COMPILED
 
     def plan(self, calls: Sequence[Call], doing: Callable[[str], None]) -> None:

@@ -93,7 +93,7 @@ def key_of(kernel: Kernel, form: Form, tensors: Sequence[Tensor], part: str) -> 
         return None
     modules = {kernel.place[0], COMPILER, *(cls.__module__ for cls in classes_of(form))} - {"builtins"}
     source = _source(frozenset(modules))
-    types = [(str(t.dtype), t.ndim, [i for i, n in enumerate(t.shape) if n == 1]) for t in tensors]
+    types = [(str(t.dtype), t.device.type, t.ndim, [i for i, n in enumerate(t.shape) if n == 1]) for t in tensors]
     stated = [*kernel.place, part, source, text_of(form), types, target()]
     return sha256(repr(stated).encode()).hexdigest()[:20] if source else None
 

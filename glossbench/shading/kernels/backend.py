@@ -6,10 +6,12 @@ if the call is so much work that compiling it pays. A run of a study chooses by 
 function that measures or tests can force either.
 """
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from glossbench.directions import Vec3
@@ -18,11 +20,13 @@ from glossbench.shading.kernels.arguments import NotFlat, flatten, has_scene, sc
 from glossbench.shading.kernels.artefacts import Artefact
 from glossbench.shading.kernels.build import Call, build, compile_seconds, failed, has_compiler
 from glossbench.shading.kernels.kernel import Kernel
-from glossbench.shading.kernels.programs import Part
+from glossbench.shading.kernels.programs import Part, program
 from glossbench.shading.visibility import Question, answer
 
 EAGER, COMPILED = "eager", "compiled"
 EAGER_RATE = 8e6  # pairs per second, measured on two cores
+
+_log = logging.getLogger("glossbench")
 
 Choose = Callable[[Call], bool]  # whether a call runs compiled
 Run = Callable[[Sequence[Tensor]], Any]  # a program; its value is None for tensors of sizes that it does not take
@@ -121,18 +125,21 @@ def is_ready(call: Call) -> bool:
     return load(call) is not None
 
 
-def pays(call: Call, rate: float = EAGER_RATE) -> bool:
-    """Whether compiling a call takes less time than running it eagerly, at so many pairs per second."""
+def pays(call: Call) -> bool:
+    """Whether compiling a call takes less time than running it eagerly."""
+    rate = EAGER_RATE if call.is_on_cpu else 100 * EAGER_RATE  # the second is a guess
     return call.pairs / rate > compile_seconds() and has_compiler()
 
 
 _choose: Choose = lambda call: is_ready(call) or pays(call)  # noqa: E731
 _used: dict[str, str] | None = None
-_loaded: dict[str, list[tuple[Artefact, Run]]] = {}  # by key
+_loaded: dict[str, list[tuple[Artefact | None, Run]]] = {}  # by key
 
 
 def compiled(call: Call) -> Run | None:
     """The compiled program of a call, from the cache or compiled now; None if that is not possible."""
+    if not call.is_on_cpu:
+        return _traced(call)
     run = load(call)
     if run is None and has_compiler() and call.key not in failed:
         build(call)
@@ -142,8 +149,10 @@ def compiled(call: Call) -> Run | None:
 
 def load(call: Call) -> Run | None:
     """The compiled program of a call, from the cache; None if it is not there."""
+    if not call.is_on_cpu:
+        return None
     for artefact, run in _loaded.get(call.key, ()):
-        if artefact.takes(call.tensors):
+        if artefact is not None and artefact.takes(call.tensors):
             return run
     found = artefacts.find(call.key, call.tensors)
     if found is None:
@@ -153,6 +162,32 @@ def load(call: Call) -> Run | None:
     run = _function(found, AOTIModelContainerRunnerCpu(str(artefacts.library_of(found)), 1))
     _loaded.setdefault(call.key, []).append((found, run))
     return run
+
+
+def _traced(call: Call) -> Run:
+    """The program of a call on another device, which torch compiles at its first run, in each process again.
+
+    If that fails, the program runs eagerly, and a warning of one line says so.
+    """
+    found = _loaded.setdefault(call.key, [])
+    if not found:
+        eager = program(call.kernel.function, call.form, call.part)
+        run = torch.compile(eager, dynamic=True)
+
+        def guarded(tensors: Sequence[Tensor]) -> Any:
+            nonlocal run
+            try:
+                return run(tensors)
+            except RuntimeError as error:  # those of the compiler are
+                if run is eager:
+                    raise
+                why = str(error).strip().splitlines()[0]
+                _log.warning("%s is not compiled and runs eagerly: %s", call.kernel.name, why)
+                run = eager
+                return eager(tensors)
+
+        found.append((None, guarded))
+    return found[0][1]
 
 
 def _function(artefact: Artefact, runner: Any) -> Run:

@@ -43,6 +43,11 @@ class Call(NamedTuple):
     key: str
     part: Part = "whole"
 
+    @property
+    def is_on_cpu(self) -> bool:
+        """Whether all tensors are in main memory."""
+        return all(t.device.type == "cpu" for t in self.tensors)
+
 
 def compile_seconds() -> float:
     """Seconds that a compilation takes: the mean of those in the cache."""

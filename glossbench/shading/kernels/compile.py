@@ -95,8 +95,8 @@ def main() -> None:
 
 
 def _size(n: Any) -> Size:
-    if isinstance(n, int):
-        return n
+    if isinstance(n, int) or n.node.expr.is_number:  # a loop over it, for example, has made it a number
+        return int(n)
     if not n.node.expr.is_symbol:
         raise NotImplementedError(f"the sizes of its arguments depend on each other: {n.node.expr}")
     return str(n.node.expr)
