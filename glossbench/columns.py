@@ -118,7 +118,7 @@ class CellRecord:
     )
     reference_noise: Annotated[float, about("reference", "noise of the reference", unit="radiance")] = NAN
     reference_peak_noise: Annotated[float, about("reference", "largest noise of a pixel", unit="radiance")] = NAN
-    reference_target: Annotated[float, about("reference", "noise that was asked for", unit="radiance")] = NAN
+    reference_target: Annotated[float, about("reference", "target for the noise", unit="radiance")] = NAN
     reference_mean: Annotated[float, about("reference", "mean of the reference", unit="radiance")] = NAN
     reference_samples: Annotated[int, about("reference", "samples per pixel of the reference")] = 0
     at_noise_floor: Annotated[bool, about("reference", "RMS error below twice the reference's noise")] = False
@@ -142,7 +142,7 @@ class CellRecord:
         float, about("provenance", "shading time, slowest run", unit="ms", scale=1e3, group="shade")
     ] = NAN
     shade_runs: Annotated[int, about("provenance", "timed runs", group="shade")] = 0
-    busy: Annotated[float, about("provenance", "processor taken by other work", unit="%", scale=100.0)] = NAN
+    busy: Annotated[float, about("provenance", "processor time used by other programs", unit="%", scale=100.0)] = NAN
     reference_seconds: Annotated[float, about("reference", "time of the reference", unit="s")] = NAN
     kernels: Annotated[dict[str, str], about("provenance", "how its kernels ran")] = field(default_factory=dict)
     version: Annotated[str, about("provenance", "version of glossbench")] = ""

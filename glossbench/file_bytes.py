@@ -11,7 +11,7 @@ def require_size(path: Path, what: str, most: int) -> None:
     """Raise InputError before a file is read if it has more bytes than any file of its kind may have."""
     size = path.stat().st_size
     if size > most:
-        raise InputError(f"{path}: {size} bytes, more than the {most} of any {what} that is read")
+        raise InputError(f"{path}: a {what} must have at most {most} bytes, got {size}")
 
 
 def digest(path: Path, what: str, most: int) -> str:

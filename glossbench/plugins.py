@@ -42,7 +42,7 @@ def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
             raise  # another module, which the plug-in imports, is missing
         where = " nor ".join(map(str, places))
         told = (
-            f"not in {where}, nor installed" if spec is None else f"{top} is {spec.origin}, which has none of this name"
+            f"not in {where}, nor installed" if spec is None else f"{top} is {spec.origin}, which does not contain it"
         )
         raise NoSuchModule(f"no such module: {told}") from None
 

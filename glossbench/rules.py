@@ -34,7 +34,9 @@ def instead(rule: str, value: Any) -> str:
     if "a valid list" in rule and re.fullmatch(r"[\w.]+( *, *[\w.]+)*", str(value)) and value is not None:
         return f"; write [{value}]"
     if value is None:
-        return "; text that begins with # needs quotes" if "a valid string" in rule else "; leave out a key of no value"
+        return (
+            "; text that begins with # needs quotes" if "a valid string" in rule else "; remove a key that has no value"
+        )
     if "a valid string" in rule and isinstance(value, int | float):
         return f"; in quotes it is text: '{value}'"
     if "a valid boolean" in rule and str(value).lower() in ("yes", "no", "on", "off", "y", "n", "1", "0"):

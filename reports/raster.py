@@ -1,4 +1,4 @@
-"""Pictures and error maps of a report: 8-bit images, made from linear radiance that was averaged over area first."""
+"""Pictures and error maps of a report: 8-bit images of linear radiance, which is averaged over area first."""
 
 from base64 import b64encode
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from glossbench.srgb import encoded
 Floats = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
-# An odd count has a centre. Signed: ColorBrewer's, blue darker, red brighter. Unsigned: even steps to the eye.
+# An odd number of colours has a centre. Signed: ColorBrewer's, blue darker, red brighter. Unsigned: perceptually even.
 SIGNED, UNSIGNED = colormaps["RdBu_r"].resampled(255), colormaps["magma"].resampled(255)
 CLIPPED_SHARE = 0.5  # percent of the pixels that may lie beyond the scale of error maps
 WHITE = 99.0  # percentile of the reference that the exposure brings to white
@@ -35,14 +35,14 @@ def downscaled(image: Floats, mask: Mask, largest: int = 256) -> tuple[Floats, F
 
 
 def _averaged(values: Floats, m: int) -> Floats:
-    """The first side of values (n, ...) as m pixels, each the mean over its part of n."""
+    """The first axis of values (n, ...) resampled to m pixels, each the mean over its part of the n."""
     means: Floats = _area_weights(len(values), m) @ values.reshape(len(values), -1)
     return means.reshape(m, *values.shape[1:])
 
 
 @cache
 def _area_weights(n: int, m: int) -> csr_array:
-    """(m, n), nearly all zero: the share of each of n pixels in each of m; rows sum to one."""
+    """Sparse (m, n): the share of each of the n pixels in each of the m pixels; rows sum to 1."""
     edges = np.linspace(0, n, m + 1)
     low, high = np.maximum(edges[:-1, None], np.arange(n)), np.minimum(edges[1:, None], np.arange(n) + 1)
     return csr_array(np.clip(high - low, 0, None) * m / n)
@@ -88,9 +88,9 @@ def error_limit(errors: Sequence[Floats]) -> float:
 
 
 def middle_limit(errors: Sequence[Floats]) -> float:
-    """The middle one of the scales that these error maps would have alone, the lower of two.
+    """The median of the scales that these error maps would have alone; of two middle ones the lower.
 
-    So a map of errors far above the others has full colour in many places, and theirs can still be told apart.
+    A map whose errors are far larger than the others is then clipped, and the others still show their differences.
     """
     return sorted(error_limit([error]) for error in errors)[(len(errors) - 1) // 2]
 

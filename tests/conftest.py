@@ -67,7 +67,7 @@ def _registries_as_they_were():
 
 @pytest.fixture(scope="session", autouse=True)
 def _nothing_waits():
-    """Work is not run again to be timed, but where `several_runs` is asked for; no write waits for the disk."""
+    """Work is timed once, except with the fixture `several_runs`; no write waits for the disk."""
     from glossbench.shading import image, stage_cache  # late, as they import torch
     from glossbench.shading.costs import timed
 

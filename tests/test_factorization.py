@@ -125,7 +125,7 @@ def test_the_laplacian_fills_what_no_sample_sees():
 
     found = factorize(np.array([[0.0], [3.0]]), [one], 1e-3, "cg", 1e-12)
 
-    # Free ends bend least: of a Laplacian whose end rows are single differences, the least is no straight line.
+    # Free ends bend least: of a Laplacian whose end rows are single differences, the least is not a straight line.
     inside = found.logs[0][1:3, 0]
     assert 0 < inside[0] < inside[1] < 3
 

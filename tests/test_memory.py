@@ -81,7 +81,7 @@ def test_a_large_image_is_refused_before_its_pixels_are_read(small_machine, tmp_
 
 
 @pytest.mark.parametrize("name", HEADERS)
-def test_of_a_file_larger_than_its_image_no_more_than_the_image_is_read(tmp_path, name):
+def test_only_the_image_is_read_of_a_file_that_is_larger(tmp_path, name):
     small = HEADERS[name].replace(b"8192", b"0064").replace(struct.pack("<I", 4096), struct.pack("<I", 64))
     path = tmp_path / name
     path.write_bytes(small)

@@ -1,4 +1,4 @@
-"""Plug-ins: which file a name means, and what a change of a file beside it makes new."""
+"""Plug-ins: which file a name means, and what a change of a file next to it makes new."""
 
 import shutil
 import sys
@@ -45,7 +45,7 @@ def write(folder, **files):
 # Which file.
 
 
-def test_the_module_beside_the_study_wins_over_that_of_the_working_folder(study):
+def test_the_module_next_to_the_study_wins_over_that_of_the_working_folder(study):
     write(study, lab_a="PLACE = 'study'")
     write(Path.cwd(), lab_a="PLACE = 'here'")
 
@@ -55,14 +55,14 @@ def test_the_module_beside_the_study_wins_over_that_of_the_working_folder(study)
     assert import_plugin("lab_a").PLACE == "here"
 
 
-def test_a_helper_beside_the_study_wins_over_that_of_the_working_folder(study):
+def test_a_helper_next_to_the_study_wins_over_that_of_the_working_folder(study):
     write(study, lab_b="import lab_help\nPLACE = lab_help.PLACE", lab_help="PLACE = 'study'")
     write(Path.cwd(), lab_help="PLACE = 'here'")
 
     assert import_plugin("lab_b", study).PLACE == "study"
 
 
-def test_a_file_beside_the_study_wins_over_an_installed_module_that_is_not_loaded(study):
+def test_a_file_next_to_the_study_wins_over_an_installed_module_that_is_not_loaded(study):
     write(study, xdist_of_mine="PLACE = 'study'")
     site = study.parent / "site-packages"
     site.mkdir()
@@ -97,7 +97,7 @@ def test_a_plugin_that_is_not_there_says_where_it_was_looked_for(study):
     assert str(caught.value) == f"no such module: not in {study} nor {Path.cwd()}, nor installed"
 
     write(study, lab_c__in____init__="")
-    with pytest.raises(InputError, match=r"no such module: lab_c is .*__init__\.py, which has none of this name$"):
+    with pytest.raises(InputError, match=r"no such module: lab_c is .*__init__\.py, which does not contain it$"):
         import_plugin("lab_c.none", study)
 
 

@@ -300,7 +300,7 @@ def number(schema: dict[str, Any], smooth: bool) -> st.SearchStrategy[Any]:
 
 
 def option(schema: dict[str, Any], smooth: bool) -> st.SearchStrategy[Any] | None:
-    """Values of an option; None where its schema is no number, vector, choice or Boolean."""
+    """Values of an option; None if its schema is not a number, vector, choice or Boolean."""
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
     if schema.get("type") == "boolean":

@@ -118,7 +118,7 @@ def test_another_version_of_torch_makes_another_hash(monkeypatch):
         code_hash.cache_clear()
 
 
-def test_a_class_without_a_file_has_one_hash_a_process_and_shares_it_with_no_other():
+def test_a_class_without_a_file_has_one_hash_per_process_that_no_other_class_has():
     first, second = (type("Typed", (), {"__module__": "nowhere"}) for _ in range(2))
 
     assert source_hash(first) == source_hash(first) != source_hash(second)

@@ -17,7 +17,7 @@ def test_the_walk_sees_the_tests():
     assert {Path("test_tests.py"), Path("envmap/test_cubemap.py"), Path("oracles/z_scores.py")} <= SOURCES.keys()
 
 
-# What several tests trust stands in oracles: no test imports another.
+# What several tests use is in oracles: no test imports another.
 
 
 def imported_tests(source: str) -> set[str]:
@@ -52,7 +52,7 @@ def test_an_import_of_a_test_is_noticed(source):
 
 PLANTED = "a fault is planted where the project does this"
 ALLOWED = {
-    # Faults that are planted inside: no public name stands there.
+    # Faults that are planted inside, where no public name exists.
     "_balanced": PLANTED,
     "_classes": PLANTED,
     "_discovered": PLANTED,

@@ -64,10 +64,10 @@ class Sum(Material):
         if not self.of:
             raise InputError("sum.of needs at least one material")
         if self.weights and len(self.weights) != len(self.of):
-            raise InputError(f"sum.weights must be one a material, {len(self.of)}, got {len(self.weights)}")
+            raise InputError(f"sum.weights must have one weight per material, {len(self.of)}, got {len(self.weights)}")
         n_lobes = len(self.reflectance().lobes)
         if n_lobes > MAX_LOBES:
-            raise InputError(f"sum.of must have at most {MAX_LOBES} lobes together, got {n_lobes}")
+            raise InputError(f"sum.of must have at most {MAX_LOBES} lobes in total, got {n_lobes}")
 
     def key(self) -> str:
         """Keys of the materials, hashes of their source files (this file does not import them), and the weights."""

@@ -111,7 +111,7 @@ def _fits(path: Path, size: int, time: int, model: Model | None) -> dict[str, Ma
     try:
         lines = [line.partition("#")[0] for line in path.read_text(encoding="utf-8-sig").splitlines()]
     except ValueError:
-        raise InputError(f"{path}: no table of fits: holds more than plain text") from None
+        raise InputError(f"{path}: not a table of fits: it holds more than plain text") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     for i, line in enumerate(lines, 1):
@@ -124,22 +124,22 @@ def _fits(path: Path, size: int, time: int, model: Model | None) -> dict[str, Ma
                 raise InputError(f"{path}:{i}: {name!r} is in the table twice")
             found[name] = fit
     if not found:
-        raise InputError(f"{path}: no table of fits: it is empty")
+        raise InputError(f"{path}: not a table of fits: it is empty")
     return found
 
 
 def _fit(line: str, wanted: Model | None) -> tuple[str, Material]:
     """Name and material of a line."""
-    no_fit = f"no {f'{wanted} ' if wanted else ''}fit"
+    no_fit = f"not a fit{f' of {wanted}' if wanted else ''}"
     match = LINE.fullmatch(BLANKS.sub(r"\1", line))
     if match is None:
         raise InputError(f"{no_fit}: {line[:60]!r}")
     name, *kd, stated, options = match.groups()
     if stated not in MODELS:
-        raise InputError(f"{no_fit}: {stated} is a model that is not here; here are {', '.join(MODELS)}")
+        raise InputError(f"{no_fit}: unknown model {stated}; known: {', '.join(MODELS)}")
     model, wants = MODELS[stated]
     if wanted not in (None, model):
-        raise InputError(f"{no_fit}, but one of {model}")
+        raise InputError(f"{no_fit}: it is a fit of {model}")
     numbers: dict[str, Any] = {}
     for option in re.findall(OPTION, options):
         key, _, value = option.partition("=")

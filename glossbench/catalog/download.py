@@ -45,7 +45,7 @@ def download(url: str, target: Path, sha256: str, size: int, progress: Callable[
                     _receive(url, part, size, progress)
                 if _sha256(part) != sha256:
                     part.unlink()
-                    raise InputError(f"{url} is not the file of the catalogue: its sha256 is another; nothing is kept")
+                    raise InputError(f"{url} is not the file of the catalogue: its sha256 differs; nothing is kept")
                 os.replace(part, target)
     except requests.RequestException as error:
         raise InputError(f"cannot reach {host(url)}: {_reason(error)}; {_by_hand(target)}") from None
@@ -90,7 +90,7 @@ def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -
                     if (seconds := time.monotonic() - since) >= PATIENCE:
                         if have - before < SLOWEST * seconds:
                             raise InputError(
-                                f"{host(url)} is given up: it sent {have - before} bytes in {seconds:.0f} s, and the "
+                                f"{host(url)} is too slow: it sent {have - before} bytes in {seconds:.0f} s, and the "
                                 f"file has {size}; the same command goes on from there"
                             )
                         since, before = time.monotonic(), have

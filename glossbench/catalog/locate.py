@@ -22,5 +22,5 @@ def locate(file: str, beside: Path | None = None, what: str = "image file") -> P
         if matching:
             return matching[0]
     tried = dict.fromkeys([Path.cwd(), *([beside] if beside else [])])
-    where = f"not below {DATA_VARIABLE}={folder}" if folder else f"and {DATA_VARIABLE} names no folder of data"
-    raise InputError(f"no {what} {file!r}: not in {' or '.join(map(str, tried))} {where}")
+    where = f", nor below {DATA_VARIABLE}={folder}" if folder else f", and {DATA_VARIABLE} is not set"
+    raise InputError(f"no {what} {file!r}: not in {' or '.join(map(str, tried))}{where}")

@@ -216,7 +216,7 @@ def shade_large() -> Tensor:
         return over_points(_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0))
 
 
-# Runs in a process of its own, so that the peak is that of this work alone.
+# Runs in a separate process, so that the peak is that of this work alone.
 _MEMORY_PROBE = """
 import resource, sys
 from glossbench.commands.bench import shade_large

@@ -49,7 +49,7 @@ def figure(
     given = {"group": group, "metric": metric, "over": over, "crop": [_window(text) for text in crop or ()] or None}
     told = {option: value for option, value in given.items() if value is not None}
     if not_taken := sorted(set(told) - set(drawn.options)):
-        raise InputError(f"the figure {name} takes no --{not_taken[0]}")
+        raise InputError(f"the figure {name} has no option --{not_taken[0]}")
     for remark in opened.remarks(opened.cells):
         note(remark)
     if output is None:

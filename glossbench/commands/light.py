@@ -26,7 +26,7 @@ def light(
     axes: Annotated[str | None, typer.Option(help=f"Axes of the file (default: as it states): {Axes}.")] = None,
     flip: Annotated[bool, typer.Option("--flip", help="The first row of the file is straight down.")] = False,
     layer: Annotated[str | None, typer.Option(help="Layer or part to read from an .exr with several.")] = None,
-    ldr: Annotated[bool, typer.Option("--ldr", help="Accept a file of 8 bits, and decode it from sRGB.")] = False,
+    ldr: Annotated[bool, typer.Option("--ldr", help="Accept a file of 8-bit integers, decoded from sRGB.")] = False,
     invalid: Annotated[
         str | None, typer.Option(help="Pixels that are negative or not finite: refuse or clamp.")
     ] = None,
@@ -50,7 +50,7 @@ def light(
     from glossbench.envmap.projections.conversion import check_written, from_cubemap
 
     if output is None and (written, written_axes) != ("lat_long", "forward"):
-        raise InputError("--as and --as-axes say how a file is written: name it by -o")
+        raise InputError("--as and --as-axes need -o, the file to write")
     form = cast("Written", SHORT.get(written, written))
     if output is not None:
         check_exr_name(output)
@@ -77,7 +77,7 @@ def told(facts: "LightFacts") -> dict[str, str]:
     if facts.projection is not None:
         axes = "" if facts.axes == "forward" else f", axes {facts.axes}"
         read_as = f"{facts.projection}{axes}, {facts.width} x {facts.height} pixels"
-        image_peak = f", of a pixel {facts.image_peak:.4g}"
+        image_peak = f" (brightest pixel of the file: {facts.image_peak:.4g})"
     return {
         "read as": read_as,
         "cube map": f"6 faces of {facts.resolution} x {facts.resolution} texels",

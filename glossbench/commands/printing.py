@@ -176,8 +176,8 @@ def warn_of_noise(cells: "pandas.DataFrame") -> None:
         worst = (missed["reference_noise"] / missed["reference_mean"]).max()
         wanted = (missed["reference_target"] / missed["reference_mean"]).min()
         err.print(
-            f"{len(missed)} of {len(references)} references did not meet the noise asked for: {100 * worst:.2g} % of "
-            f"the mean for {100 * wanted:.2g} %, at reference.max_samples",
+            f"{len(missed)} of {len(references)} references stopped at reference.max_samples with noise up to "
+            f"{100 * worst:.2g} % of the mean; the target was {100 * wanted:.2g} %",
             style="yellow", soft_wrap=True,
         )  # fmt: skip
 
@@ -187,12 +187,10 @@ def warn_of_times(cells: "pandas.DataFrame") -> None:
     done = cells[cells["status"] == "done"]
     busy = int((done["busy"] > BUSY).sum())
     if busy:
-        text = f"{busy} of {len(done)} cells were timed while other programs took the processor for "
-        text += f"{100 * done['busy'].max():.0f} % of the time at worst: their times are too long"
+        text = f"{busy} of {len(done)} cells were timed while other programs used up to "
+        text += f"{100 * done['busy'].max():.0f} % of the processor time: these times may be too long"
         err.print(text, style="yellow", soft_wrap=True)
     processors = list(dict.fromkeys(done["processor"]))
     if len(processors) > 1:
-        text = (
-            f"cells were timed on {len(processors)} processors, with times that do not compare: {', '.join(processors)}"
-        )
+        text = f"cells were timed on {len(processors)} processors, so times cannot be compared: {', '.join(processors)}"
         err.print(text, style="yellow", soft_wrap=True)

@@ -154,7 +154,7 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
         return None, "not claimed"
     option, values = contract.budget
     if not budget_of(type(method)):
-        return False, f"the contract's budget is {option!r}, which is no option"
+        return False, f"the contract's budget is {option!r}, which is not an option"
     truth = truth or truth_for(method)
     accurate = at_its_best(method)
     samples, errors = [], []
@@ -169,7 +169,7 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
     if len(errors) == 1:
         return True, f"at the noise floor with {samples[0]} samples already"
     if len(set(samples)) == 1:
-        return False, f"{samples[0]} samples whatever the budget"
+        return False, f"{samples[0]} samples at every budget"
     slope = float(np.polyfit([log(n) for n in samples], [log(e) for e in errors], 1)[0])
     span = f"error {errors[0]:.2g} with {samples[0]} samples, {errors[-1]:.2g} with {samples[-1]}"
     return slope <= contract.slope, f"slope {slope:.2f}, at most {contract.slope:g}; {span}{_under(method)}"

@@ -73,7 +73,7 @@ def _methods_of(name: str) -> list[Method]:
     except NoSuchModule as error:
         hint = nearest(name, METHODS.names())
         where = hint if "did you mean" in hint else f": {error}"
-        raise InputError(f"unknown method {name!r}, nor a module{where}") from None
+        raise InputError(f"{name!r} is neither a method nor a module{where}") from None
     except (Exception, SystemExit) as error:  # a plug-in may raise anything
         told = str(error) if isinstance(error, InputError) else one_line(error)
         raise InputError(f"module {name!r}: {told}") from error

@@ -1,6 +1,5 @@
 """Legends: one sentence for each word of a table or a verdict that a reader may not know."""
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,7 +28,7 @@ def explain_verdicts(claims: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """The meaning of "within noise", "equal" and an interval, as far as a verdict or one of its numbers has them."""
     words = {claim["verdict"] for claim in claims} | {word for claim in claims for word in _verdicts(claim)}
     said = {word: text for word, text in ((EQUAL, WITHIN_MARGIN), (NOISE, WITHIN_NOISE)) if word in words}
-    has_interval = any(re.search(r" \[[^]]+, [^]]+\] \(", str(claim.get("summary", ""))) for claim in claims)
+    has_interval = any(case.get("low") != case.get("high") for claim in claims for case in claim.get("numbers") or ())
     return said | ({"[low, high]": INTERVAL} if has_interval else {})
 
 

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from glossbench.findings.comparisons import EQUAL, HOLDS, NOISE
+from glossbench.findings.conclusions import describe_span
 from glossbench.findings.legends import explain_verdicts
 from glossbench.findings.summary import Summary
 
@@ -76,22 +77,11 @@ def _cases(claim: Mapping[str, Any]) -> str:
 
 
 def _numbers(claim: Mapping[str, Any]) -> str:
-    """The quantity of a claim in its lowest and highest case, each with its interval; or why there is no case."""
+    """The quantity of a claim in its lowest and highest case; or why there is no case."""
     cases = claim["numbers"]
     if not cases:
         return str(claim["summary"])
-    finite = [case for case in cases if case["value"] is not None]
-    if not finite:
-        return f"{claim['quantity']}: infinite"
-    ends = [pick(finite, key=lambda case: case["value"]) for pick in (min, max)]
-    shown = " to ".join(dict.fromkeys(map(_interval, ends)))
-    return f"{claim['quantity']}: {shown}"
-
-
-def _interval(case: Mapping[str, Any]) -> str:
-    """The number of a case and its interval; a number that is not finite is stored as None."""
-    low, value, high = ("?" if case[key] is None else f"{case[key]:.3g}" for key in ("low", "value", "high"))
-    return value if low == value == high else f"{value} [{low}, {high}]"
+    return f"{claim['quantity']}: {describe_span(cases)}"
 
 
 def _cell(text: str) -> str:

@@ -44,7 +44,7 @@ class Summary:
         """
         missing = [name for name in FILES if not (folder / name).is_file()]
         if missing:
-            raise InputError(f"{folder} holds no summary: there is no {missing[0]} in it")
+            raise InputError(f"{folder} holds no summary: {missing[0]} is missing")
         return cls(
             folder.name,
             read_document(folder / "study.yaml").data,

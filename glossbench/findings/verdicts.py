@@ -142,14 +142,15 @@ class _Table:
             partners.setdefault(_key(b, keys, places), []).append(b)
         for a in first:
             found = partners.get(_key(a, keys, places), [])
-            notes["cells without a partner"] += not found
+            notes["cells without a counterpart"] += not found
             for b in found:
                 sides = zip((a, b), varying, strict=True)
                 told = [_shown(row, [key for key in own if key not in keys]) for row, own in sides]
                 told = [_listed([self._place(row, stated), text]) for row, text in zip((a, b), told, strict=True)]
                 if a.get("n_samples") != b.get("n_samples"):  # a pattern may have fewer or more samples than the budget
                     told = [
-                        f"{text} ({row['n_samples']} taken)".strip() for text, row in zip(told, (a, b), strict=True)
+                        f"{text} with {row['n_samples']} samples" if text else f"{row['n_samples']} samples"
+                        for text, row in zip(told, (a, b), strict=True)
                     ]
                 sides_told = [text or row["method"] for text, row in zip(told, (a, b), strict=True)]
                 against = " against ".join(sides_told) if any(told) else ""

@@ -45,7 +45,7 @@ class Attempt:
     @property
     def told(self) -> str:
         """Why the work is passed over."""
-        return f"the process ended {self.ended} times in here, killed or out of memory: passed over"
+        return f"the process ended {self.ended} times here, killed or out of memory: skipped"
 
     def begin(self) -> None:
         """Write the mark."""

@@ -48,7 +48,7 @@ class Made:
             if is_foreign(type(each)):
                 raise MethodError(f"{each.name}.key returns a different text each time, or its file has changed")
             if Made.of(cell).keys[i] == self.keys[i]:
-                raise MethodError(f"{self.method.name} writes into {each.name}, which others read")
+                raise MethodError(f"{self.method.name} writes into {each.name}, which other cells read")
             raise Changed(f"a file of {each.name} has changed while the study ran; run it again")
 
 

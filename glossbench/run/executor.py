@@ -138,10 +138,10 @@ class Executor:
             notes = [*self.lights.notes(cell.light), *notes]
             made.check_unchanged(cell)
             if not self.lights.is_intact():
-                raise MethodError(f"{method.name} writes into the light, which others read")
+                raise MethodError(f"{method.name} writes into the light, which other cells read")
             if digest_of(*shared) != before:
                 raise MethodError(
-                    f"{method.name} writes into the scene, the material or the reference, which others read"
+                    f"{method.name} writes into the scene, the material or the reference, which other cells read"
                 )
         record = replace(
             record, notes=notes, reference_noise=truth.noise, reference_peak_noise=float(truth.standard_error.max()),

@@ -1,4 +1,4 @@
-"""A folder to which this program writes results. Its files may be damaged, or written by somebody else."""
+"""A folder to which this program writes results. Its files may be damaged, or written by another program."""
 
 import errno
 import os
@@ -58,7 +58,7 @@ class Folder:
                     raise NotADirectoryError(0, os.strerror(errno.ENOTDIR))
                 folder.mkdir(parents=True, exist_ok=True)
                 if not os.access(folder, os.W_OK | os.X_OK):
-                    raise PermissionError(0, "it may only be read; name another folder by -o")
+                    raise PermissionError(0, "it is read-only; choose another folder with -o")
                 remove_abandoned(folder)
         except UnicodeEncodeError:
             raise InputError(f"cannot write results to {str(self.root)!a}: the name is not UTF-8") from None
@@ -69,12 +69,12 @@ class Folder:
         """Record in the manifest that files are this program's, before they are written.
 
         Raises:
-            InputError: one of them exists and belongs to somebody else.
+            InputError: one of them exists and was not written by glossbench.
         """
         manifest = self.manifest
         manifest.check_foreign(self.root, names)
         if not os.access(self.root, os.W_OK | os.X_OK):
-            raise CannotWrite(self.root / names[0], "the folder may only be read")
+            raise CannotWrite(self.root / names[0], "the folder is read-only")
         if not set(names) <= set(manifest.files):
             replace(manifest, files={**manifest.files, **dict.fromkeys(names)}).write(self.root)
 

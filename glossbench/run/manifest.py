@@ -51,12 +51,12 @@ class Manifest:
         return Manifest((), dict.fromkeys(there), is_finished)
 
     def check_foreign(self, folder: Path, names: Iterable[str]) -> None:
-        """InputError if one of these files exists and belongs to somebody else."""
+        """InputError if one of these files exists and was not written by glossbench."""
         for name in names:
             if name not in self.files and os.path.lexists(folder / name):
                 raise InputError(
-                    f"{folder / name} was not written by glossbench, and would be lost: move it away, or name another "
-                    "place by -o"
+                    f"{folder / name} was not written by glossbench, and would be lost: move it away, or choose "
+                    "another folder with -o"
                 )
 
     def missing(

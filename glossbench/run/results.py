@@ -55,14 +55,14 @@ class Results(CellFiles):
         results = cls(folder)
         for name in ["study.yaml"] if results.disk.manifest.cells else ["cells.parquet", *SUMMARY]:
             if not results.disk.path(name).is_file():
-                raise InputError(f"{results.folder} holds no results: there is no {name} in it")
+                raise InputError(f"{results.folder} holds no results: {name} is missing")
         return results
 
     def create(self) -> None:
         """Make the folders, and remove files that a killed run left half-written.
 
         Raises:
-            InputError: the folder cannot be written, or holds files of somebody else that would be lost.
+            InputError: the folder cannot be written, or holds foreign files that would be lost.
         """
         self.disk.manifest.check_foreign(self.folder, (*SUMMARY, *KEPT))
         self.disk.create()
@@ -76,7 +76,7 @@ class Results(CellFiles):
         of the earlier one adds its results to it, and the earlier study stays: the returned line says what it keeps.
 
         Raises:
-            InputError: the folder holds results of another study, or files of somebody else; nothing is written.
+            InputError: the folder holds results of another study, or foreign files; nothing is written.
         """
         old, cells, before = self.disk.manifest, tuple(map(entry, rows)), self._study_before()
         missing = old.missing(before, study, cells)
@@ -84,10 +84,10 @@ class Results(CellFiles):
         if missing and not is_part:
             raise InputError(
                 f"{self.folder} holds results that this run does not have, and that would be lost: {listed(missing)}; "
-                "name another folder by -o"
+                "choose another folder with -o"
             )
         if is_part:
-            return f"{self.folder} keeps what else it has of this study: {listed(missing)}"
+            return f"{self.folder} keeps its other results of this study: {listed(missing)}"
         if cells != old.cells or study != before:
             Manifest(cells, {**old.files, **dict.fromkeys((*SUMMARY, *KEPT))}).write(self.folder)
             self.disk.write("study.yaml", dump(dict(study)))

@@ -132,7 +132,9 @@ def _check_own_study(study: Study, results: Results) -> None:
     path = results.folder / "study.yaml"
     if path.exists() and study.name == "study" and study.folder.resolve() == results.folder.resolve():
         if "study.yaml" not in results.disk.manifest.files or results.disk.is_altered("study.yaml"):
-            raise InputError(f"{path} is the study itself, and its results would replace it: name another folder by -o")
+            raise InputError(
+                f"{path} is the study itself, and its results would replace it: choose another folder with -o"
+            )
 
 
 def kept_statuses(study: Study, folder: Path) -> list[str]:

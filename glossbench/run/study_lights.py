@@ -93,7 +93,7 @@ class StudyLights:
             raise MethodError(self._broken[text])
         attempt = Attempt(self._marks, key_of(["light", item.name, item.as_dict()]))
         if attempt.is_hopeless:
-            raise MethodError(f"light {item.name} ended the process {attempt.ended} times; it is passed over")
+            raise MethodError(f"light {item.name} ended the process {attempt.ended} times; it is skipped")
         attempt.begin()
         try:
             light = self._made(item)

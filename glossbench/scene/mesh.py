@@ -121,14 +121,16 @@ def make_mesh(
     v = v[used]
     n, t = (None if a is None else np.asarray(a, np.float64)[used] for a in (normals, tangents))
     if n is not None and not (np.isfinite(n).all() and n.any(axis=1).all()):
-        repairs.append("made new normals, as the stated ones are not finite or zero")
+        repairs.append("computed new normals, because the stated ones are zero or not finite")
         n = None
     if n is None:
         v, first, place = np.unique(v, axis=0, return_index=True, return_inverse=True)
         f, t = place.reshape(-1)[f], None if t is None else t[first]
         against = against_the_rest(f)
         if against.any():
-            repairs.append(f"turned {int(against.sum())} of {len(f)} faces, which wound against their neighbours")
+            repairs.append(
+                f"turned {int(against.sum())} of {len(f)} faces, whose winding was opposite to that of their neighbours"
+            )
             f[against] = f[against, ::-1]
         n = _vertex_normals(v, f)
     return Mesh(v, f, _unit(n), t, tuple(repairs))

@@ -120,7 +120,7 @@ class MeshView(View):
         hits = mesh.rays.first_hit(origins, directions)
         hit = hits.face >= 0
         if not hit.any():
-            raise InputError(f"mesh: no pixel shows {self.shape!r}; take a zoom of 1 or more pixels")
+            raise InputError(f"mesh: no pixel shows {self.shape!r}; use a zoom of at least 1 pixel")
         points = shading_points(mesh, hits.face[hit], hits.barycentric[hit], -directions[hit])
         return Seen(torch.from_numpy(hit.reshape(height, width)), points)
 

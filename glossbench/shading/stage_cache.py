@@ -105,7 +105,7 @@ class StageCache:
             entries[:] = [entry for entry in entries if entry[1] not in written]
         if written:
             stage: Any = written[0].key
-            raise MethodError(f"{by} writes into the memory of {stage[0].__name__!r}, which others read")
+            raise MethodError(f"{by} writes into the memory of {stage[0].__name__!r}, which is also used elsewhere")
 
     def _is_intact(self, prepared: Prepared) -> bool:
         if id(prepared) not in self._trusted:
@@ -213,4 +213,4 @@ def unwritten(by: str, inputs: Mapping[str, Any]) -> Iterator[None]:
     yield
     for (name, tensor), version in zip(tensors, versions, strict=True):
         if tensor._version != version:
-            raise MethodError(f"{by} writes into {name!r}, which others read")
+            raise MethodError(f"{by} writes into {name!r}, which is also used elsewhere")

@@ -70,7 +70,8 @@ def checked_exclude(document: Document, study: Combined, any_light: bool) -> tup
         path: KeyPath = ("exclude", i)
         unknown = [] if any_light else [key for key in entry if key not in known]
         if unknown and unknown[0] in names["method"]:
-            text = f"{path_text(path)}: unknown key {unknown[0]!r}; write method: {unknown[0]}, and options beside it"
+            hint = f"write method: {unknown[0]}, with its options as further keys"
+            text = f"{path_text(path)}: unknown key {unknown[0]!r}; {hint}"
             raise document.error((*path, unknown[0]), text, at_key=True)
         if unknown:
             raise document.unknown(path, "key", unknown, known)
@@ -120,14 +121,14 @@ def _instead_of(entry: Any) -> str:
     """What to write instead of an unknown kind of claim."""
     keys = list(entry) if isinstance(entry, dict) else []
     if larger := next((key for key in keys if key in LARGER), None):
-        return f"; in place of {larger!r} write lower, with the two sides exchanged"
+        return f"; instead of {larger!r} write lower, with the two sides exchanged"
     hints = (nearest(key, KINDS) for key in keys if key not in OTHER_KEYS)
     if close := next((hint for hint in hints if "did you mean" in hint), ""):
         return close
     if "than" in keys:
-        return "; that one side has the lower error is written lower: METHOD, than: METHOD, metric: ERROR"
+        return "; to state that one side has the lower error, write lower: METHOD, than: METHOD, metric: ERROR"
     is_value = {"equals", "equal", "between"} & set(keys)
-    return "; that a column of one method has a value is written value: METHOD, of: COLUMN" if is_value else ""
+    return "; to state the value of a column of one method, write value: METHOD, of: COLUMN" if is_value else ""
 
 
 def _check_where(document: Document, study: Combined, claims: list[Claim], any_light: bool) -> None:

@@ -77,7 +77,7 @@ def _count(
             _, i, j = np.intersect1d(first, second, assume_unique=True, return_indices=True)
             n = int((n_first[i] * n_second[j]).sum())
             equal = ", ".join([*places, *("budget" if key == BUDGET else key for key in keys)])
-            return Count(n, "pair", "" if n else f"no cell of one side has a partner of the same {equal}")
+            return Count(n, "pair", "" if n else f"no cell of one side has a counterpart with the same {equal}")
         case SlopeClaim():
             [(of, option), *_] = meanings(claim.over, {"method": options[method_of(claim.slope)], **parameters})
             over = option if of == "method" else f"{of}.{option}"

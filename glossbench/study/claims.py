@@ -28,7 +28,7 @@ def _ordered(bounds: tuple[float | None, float | None]) -> tuple[float | None, f
 
 
 def _one_method(side: Any) -> Any:
-    rule = "must be a method, or {method: {option: value}}, beside it light, material or view at most"
+    rule = "must be a method, or {method: {option: value}}; further keys may be light, material and view"
     if not isinstance(side, str | dict):
         raise ValueError(rule)
     if isinstance(side, dict):
@@ -42,7 +42,7 @@ def _one_method(side: Any) -> Any:
 
 def _pair(bounds: Any) -> Any:
     if not isinstance(bounds, list | tuple) or len(bounds) != 2:
-        raise ValueError("must be [low, high], null for what has no bound")
+        raise ValueError("must be [low, high], with null for a missing bound")
     return tuple(bounds)
 
 

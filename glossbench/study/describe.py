@@ -39,7 +39,9 @@ def described(study: "Study", forms: dict[str, list["Form"]]) -> dict[str, str]:
     lines["metrics"] = [", ".join(study.metric_columns)]
     if study.exclude:
         lines["exclude"] = [f"{counted(n_all - n_kept, 'cell')} of {n_all:,}"]
-    lines["device"] = [study.device + ("" if study.has_device() else ": there is none here, so that `run` refuses")]
+    lines["device"] = [
+        study.device + ("" if study.has_device() else ": this machine has none, so `run` refuses the study")
+    ]
     if study.plugins:
         lines["plug-ins"] = [", ".join(study.plugins)]
     lines["claims"] = []

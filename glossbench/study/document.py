@@ -161,7 +161,7 @@ def _compose(file: str, text: str) -> Any:
         lines = text.splitlines()
         if mark.index < len(text) and text[mark.index] == "\t":
             indents = not lines[mark.line][: mark.column].strip()
-            problem = "a tab cannot indent; use spaces" if indents else "a tab cannot stand here; use a space"
+            problem = "a tab cannot indent; use spaces" if indents else "a tab is not allowed here; use a space"
         elif problem.startswith("could not find expected ':'"):  # the parser notices this only on a later line
             mark = error.context_mark or mark
         raise _error(file, *_place(mark), problem + hint(problem, lines, mark.line, mark.column)) from None
@@ -230,7 +230,7 @@ class _Builder:
         except ValueError:
             zeros = f"; write {node.value.lstrip('0') or 0}, or 0o{node.value.lstrip('0')} for base 8"
             instead = zeros if re.fullmatch(r"0[0-9]+", node.value) else ""
-            raise _error(self._document.file, *place, f"{node.value!r:.40} is no {tag}{instead}") from None
+            raise _error(self._document.file, *place, f"{node.value!r:.40} is not a valid {tag}{instead}") from None
 
 
 def _fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:

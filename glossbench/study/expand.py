@@ -224,7 +224,7 @@ class Form:
         lengths = [len(values) for values in given.values()]
         if len(set(lengths)) > 1:
             told = ", ".join(f"{option} has {n}" for option, n in zip(given, lengths, strict=True))
-            raise self._document.error(path, f"{path_text(path)} pairs lists of one length, but {told}")
+            raise self._document.error(path, f"{path_text(path)} pairs lists of equal length, but {told}")
         columns = [self._each((*path, option), option, values) for option, values in given.items()]
         return Axis(tuple(given), list(zip(*columns, strict=True)))
 

@@ -179,6 +179,6 @@ def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
     if len(lists) > 1:  # a single list needs no zip
         properties["zip"] = {
             "type": "object", "properties": lists, "additionalProperties": False,
-            "description": "lists of one length, whose first values go together, then the second, and so on",
+            "description": "lists of equal length; their first values go together, then their second, and so on",
         }  # fmt: skip
     return {**stated, "description": first_line(cls), "properties": properties}

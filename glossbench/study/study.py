@@ -79,7 +79,9 @@ class Study:
             raise InputError(f"seed must be {f'less than {1 << 32}' if seed > 0 else 'at least 0'}, got {seed}")
         methods = tuple(item.with_seed(seed) for item in self.methods)
         if len(set(map(text_of, methods))) < len(methods):
-            raise InputError(f"seed {seed} is the one that a method of the study states, which is then there twice")
+            raise InputError(
+                f"seed {seed} is also the stated seed of a method of the study, which would then be there twice"
+            )
         return replace(self._comparing(methods), seed=seed, reference=self.reference.with_seed(seed))
 
     def only(self, names: Collection[str]) -> "Study":
@@ -235,7 +237,7 @@ def _path_of(name_or_path: str | Path) -> Path:
     beside = next((f"{name_or_path}{end}" for end in ENDINGS if os.path.isfile(f"{name_or_path}{end}")), None)
     hint = f"; did you mean {beside!r}?" if beside else nearest(name_or_path, installed)
     if os.path.isfile(name_or_path):
-        hint = f"; the file of that name is no study: one ends in {' or '.join(ENDINGS)}"
+        hint = f"; the file of that name is not a study: a study ends in {' or '.join(ENDINGS)}"
     raise InputError(f"unknown study {name_or_path!r}{hint}")
 
 

@@ -24,7 +24,7 @@ def hint(problem: str, lines: list[str], line: int, column: int) -> str:
     if problem.startswith("expected alphabetic or numeric character"):
         return "; text that begins with * or & needs quotes"
     if "<block end>" in problem:
-        return "; its indentation is that of no key above it"
+        return "; its indentation fits no key above it"
     return ""
 
 

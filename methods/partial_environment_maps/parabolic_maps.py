@@ -132,7 +132,7 @@ def build_parabolic_maps(light: CubeMap, partition: Partition, mip_filter: LobeF
     if needed > limit:
         raise InputError(
             f"{n} parabolic partial maps of 6 x {light.resolution}^2 texels need {needed / 1e9:.2f} GB, more than the "
-            f"limit of {limit / 1e9:.2f} GB; take fewer regions or a smaller light"
+            f"limit of {limit / 1e9:.2f} GB; use fewer regions or a smaller light"
         )
     texels = light.faces.new_empty(n_texels(windows), 3)
     texels[0] = 0
@@ -201,8 +201,8 @@ def _spans(light: CubeMap, partition: Partition, frames: Frame, pitch: Tensor) -
     farthest = float(p.norm(dim=1).max())
     if farthest > LARGEST:
         raise InputError(
-            f"a parabolic map holds a region up to {LARGEST:g} of its plane, 127 degrees, from its direction; one of "
-            f"these reaches {min(farthest, 1e6):.3g}"
+            f"a parabolic map can hold a region up to {LARGEST:g} on its plane (127 degrees) from its direction; "
+            f"a region of this light reaches {min(farthest, 1e6):.3g}"
         )
     at, where = p / pitch[index][:, None], index[:, None].expand(-1, 2)
     empty = at.new_zeros(len(partition), 2)

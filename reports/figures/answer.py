@@ -14,7 +14,7 @@ from ..typesetting import Press
 
 @FIGURES.register("answer")
 class Answer(Figure):
-    """The picture of the report's first page: crops of the methods where the metric tells most between them."""
+    """The picture of the report's first page: crops of the methods where the metric differs most."""
 
     options: ClassVar[Mapping[str, Option]] = {"metric": MetricOption()}
     in_reports = False  # reports begin with it

@@ -14,7 +14,7 @@ from ..model.report import Report
 
 @FIGURES.register("convergence")
 class Convergence(Figure):
-    """A metric or cost over what the study sweeps, with fitted slopes and the reference's noise; else by method."""
+    """A metric or cost over a sweep, with fitted slopes and the reference's noise; without a sweep, by method."""
 
     options: ClassVar[Mapping[str, Option]] = {
         "metric": MetricOption(with_costs=True), "over": AxisOption(), "group": PlaceOption(),

@@ -13,7 +13,7 @@ from ..typesetting import Press
 
 @FIGURES.register("crops")
 class Crops(Figure):
-    """Crops of each method at its middle budget, with their errors, beside a marked reference."""
+    """Crops of each method at its middle budget, with their errors, next to a marked reference."""
 
     options: ClassVar[Mapping[str, Option]] = {"group": GroupOption(), "metric": ErrorOption(), "crop": CropsOption()}
     in_reports = False  # reports have crops of each group

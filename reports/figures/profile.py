@@ -40,11 +40,11 @@ class Profile(Figure):
 
 
 def brightest_row(reference: Floats, mask: Mask) -> int:
-    """The row of the pixel of a reference (H, W, 3) that is brightest on the surface."""
+    """The row with the brightest pixel of the surface in a reference (H, W, 3)."""
     return int(np.where(mask, reference.sum(axis=2), -np.inf).argmax() // mask.shape[1])
 
 
 def along(row: int, mask: Mask, label: Label, image: Floats) -> Line:
-    """Radiance, the mean of the channels, of a row of an image (H, W, 3) over its columns."""
+    """Radiance, as the mean of the channels, along a row of an image (H, W, 3)."""
     x = np.flatnonzero(mask[row])
     return Line(label, x.astype(float), image[row, x].mean(axis=1))

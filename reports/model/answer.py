@@ -1,4 +1,4 @@
-"""The picture that shows the answer: the methods side by side where they differ most, and a crop of where they err."""
+"""The picture that shows the answer: the methods side by side where they differ most, and crops where they err most."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -25,9 +25,9 @@ class Answer(NamedTuple):
     """Cells of one light, material and view that a first glance should show.
 
     Attributes:
-        cells: one a method, in the order of the study; of a method with several lines the best.
-        budget: what all of them share that have one, as "17 samples"; "" without.
-        claim: the text of the claim that chose it; "" without.
+        cells: one per method, in the order of the study; of a method with several lines the best.
+        budget: the budget that all methods with a budget share, as "17 samples"; else "".
+        claim: the text of the claim that selected the cells; else "".
     """
 
     group: Group
@@ -37,10 +37,10 @@ class Answer(NamedTuple):
 
 
 def answer_of(groups: Sequence[Group], metric: str, claims: Iterable[Claimed] = ()) -> Answer | None:
-    """What the study's first claim is about that has cells: of its places and budgets one; without a claim, of all.
+    """One condition and budget of the study's first claim that has cells; without a claim, one of all.
 
-    That is the one with the most methods, and of these the one where the metric differs most, relative to the mean of
-    the reference, so that no bright light outshouts the others.
+    It is the one with the most methods; of several, the one where the metric differs most relative to the mean of the
+    reference, so that a bright light does not dominate.
     """
     for text, keys in claims:
         if found := _answer(groups, metric, keys):
@@ -54,7 +54,7 @@ def _answer(groups: Sequence[Group], metric: str, keys: Collection[str] | None) 
 
 
 def _answers(group: Group, metric: str, keys: Collection[str] | None) -> list[Answer]:
-    """One a budget that a claim is about; there its own cells stand for its methods, and the best of the others."""
+    """One answer per budget of a claim: the claim's cells of its methods, and the best cells of other methods."""
     cells = [cell for cell in group.done if cell.row.get(metric) is not None]
     own = [cell for cell in cells if keys is None or cell.row["key"] in keys]
     methods = {cell.row["method"] for cell in own}
@@ -75,14 +75,14 @@ def claimed(results: Results) -> Iterator[Claimed]:
         kind = next((kind for kind in KINDS if kind in claim), None)
         try:
             known = KINDS[kind].model_validate(claim) if kind else None
-        except ValidationError:  # of another version
+        except ValidationError:  # it is from another version
             known = None
         if known is not None:
             yield known.text, cells_of(known, results.cells)
 
 
 def best_cells(cells: Sequence[Cell], metric: Column) -> list[Cell]:
-    """At most `MOST_TILES`: the best cell of each method; of a single method from the best to the worst."""
+    """At most `MOST_TILES` cells: the best of each method; for a single method, from the best to the worst."""
     sign = 1 if metric.lower_is_better else -1
     methods: dict[str, list[Cell]] = {}
     for cell in sorted(cells, key=lambda cell: sign * abs(cell.row[metric.name])):
@@ -102,7 +102,7 @@ def _spread(answer: Answer, metric: str) -> float:
 
 
 def drawn(results: Results, answer: Answer, size: int = 192) -> dict[str, Any]:
-    """Its pictures as sources of <img>: whole, the crop, and the signed error in the crop, on one scale."""
+    """The pictures of an answer as sources of <img>: whole, the crop, and its signed error, on one scale."""
     key = answer.group.reference["reference_key"]
     reference, mask = results.reference(key).astype(np.float64), results.mask(key)
     images = [results.image(cell.row["key"]).astype(np.float64) for cell in answer.cells]

@@ -1,4 +1,4 @@
-"""What a study sweeps: the numbers that its cells differ in alone, and the places where lines are compared."""
+"""Sweeps of a study: numbers in which cells differ while all else is equal; and the places where lines are compared."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,24 +12,24 @@ from ..style import looks
 from .conditions import Group, methods_of
 
 SAMPLES = "samples"
-FEW_LINES = 6  # more, and a plot for print is divided
-FEWEST = 3  # values that make a quantity what a study is about
-ASIDE = ("seed",)  # numbers that are no quantity of their own: no plot over a seed says anything
+FEW_LINES = 6  # a printed plot with more lines is divided
+FEWEST = 3  # values of a quantity that a study investigates
+ASIDE = ("seed",)  # numbers over which a plot has no meaning
 
 
 @dataclass(frozen=True)
 class Label:
-    """What tells a line from others: its name, and how it looks.
+    """The name and look of a line, which distinguish it from other lines.
 
     Attributes:
-        index: its place in the study, which gives the marker.
-        method: the place of its method, which gives the colour.
-        colour: that of its method, in a shade of its own where the method has several lines.
-        dash: its place among the lines of its method.
-        facet: where there are more than `FEW_LINES`, its place among those of its method that share the value of the
-            option that divides them the most evenly; None where none of its method shares one.
-        options: those in its name, as text.
-        budget: the option that is its method's budget; "" without one.
+        index: index of the line in the study, which selects the marker.
+        method: index of its method, which selects the colour.
+        colour: the colour of its method, in a different shade for each line of the method.
+        dash: index among the lines of its method.
+        facet: if there are more than `FEW_LINES`: its index among the lines of its method with the same value of the
+            option that divides the lines most evenly; None if no lines of its method share a value.
+        options: the options in its name, as text.
+        budget: the option that is the budget of its method; "" without one.
     """
 
     name: str
@@ -44,13 +44,13 @@ class Label:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A number that cells differ in alone: light samples, an option of methods, a parameter of light, material or view.
+    """A swept number: light samples, an option of methods, or a parameter of light, material or view.
 
     Attributes:
-        name: "samples", the option, or as "material.s" the parameter; "method.samples" where an option of that name is
-            not the budget of its method.
-        labels: by key of a cell that of its line.
-        n_values: the most that a line has; 1 where nothing is swept.
+        name: "samples", the name of the option, or the full name of the parameter, "material.s"; "method.samples" is an
+            option of this name that is not the budget of its method.
+        labels: the label of a line, by the key of each of its cells.
+        n_values: the largest number of values that a line has; 1 if nothing is swept.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Sweep:
 
     @property
     def kind(self) -> str:
-        """Of light, material and view the one that is swept; "" for samples and options."""
+        """Which of light, material and view has the parameter; "" for samples and options."""
         kind = self.name.partition(".")[0]
         return kind if kind in CONDITIONS and "." in self.name else ""
 
@@ -70,28 +70,28 @@ class Sweep:
 
     @property
     def full_name(self) -> str:
-        """With what it is of in front: "material.alpha", "method.regions"; and "samples"."""
+        """The name with its owner: "material.alpha", "method.regions"; or "samples"."""
         return self.name if self.name == SAMPLES or self.kind else f"method.{self.parameter}"
 
     @property
     def title(self) -> str:
-        """As an axis has it."""
+        """The label of the axis."""
         if self.name == SAMPLES:
-            return "light samples a pixel"
+            return "light samples per pixel"
         return f"{self.parameter} of the {self.kind}" if self.kind else self.parameter
 
     def value(self, row: Mapping[str, Any]) -> float | None:
-        """Of a cell; None where it has no such number."""
+        """The number of a cell; None if the cell does not have it."""
         return number_in(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
 
     def point(self, row: Mapping[str, Any]) -> tuple[int, Any]:
-        """What the same cell under another light has in common with it: its line and what was asked of it."""
+        """What a cell shares with the same cell under another light: its line and its stated value."""
         asked: Any = self.value(row)
         if self.name == SAMPLES:
             budget = budget_of(row)
             asked = asked if budget is None else budget
         elif not self.kind and _is_tuned(row, self.parameter):
-            asked = "tuned"  # its value is another under each light
+            asked = "tuned"  # its value differs between lights
         return self.labels[row["key"]].index, asked
 
 
@@ -99,7 +99,7 @@ class Place(NamedTuple):
     """Where lines are compared: one condition, or the mean over several lights.
 
     Attributes:
-        lights: of each light its groups: one, or where a parameter is swept those that differ in nothing else.
+        lights: the groups of each light: one group, or several that differ only in a swept parameter.
     """
 
     title: str
@@ -108,15 +108,15 @@ class Place(NamedTuple):
 
     @property
     def groups(self) -> list[Group]:
-        """All of them."""
+        """The groups of all lights."""
         return [group for groups in self.lights for group in groups]
 
 
 def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ()) -> dict[str, Sweep]:
-    """By name what a study sweeps, and samples in any case; first what a report shows unasked.
+    """The swept quantities by name; "samples" is always present. The first is the report's default axis.
 
-    That is, of what has three values or more, what the study's claims fit a slope over; else samples; else what has the
-    most, where it leaves no method out.
+    It is a quantity with at least `FEWEST` values: (1) one that a slope claim uses, (2) samples, (3) the one with the
+    most values, if every method has it.
     """
     rows = [cell.row for group in groups for cell in group.done]
     found: list[Sweep] = []
@@ -137,14 +137,14 @@ def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ())
 
 
 def named(sweeps: Iterable[Sweep], name: str) -> list[Sweep]:
-    """Those that a name may mean: "samples", a full name such as material.alpha, or the number's own, alpha."""
+    """The sweeps that a name may mean: "samples", a full name such as material.alpha, or a short name, alpha."""
     known = list(sweeps)
     exact = [sweep for sweep in known if name == sweep.full_name]
     return exact or [sweep for sweep in known if sweep.name != SAMPLES and name == sweep.parameter]
 
 
 def with_costs(sweeps: Mapping[str, Sweep]) -> list[Sweep]:
-    """Those along whose lines errors are plotted against costs: under one condition, and none of samples held fixed."""
+    """The sweeps along which error is plotted against cost: not over conditions, and no line has a fixed budget."""
     is_budgeted = sweeps[SAMPLES].n_values > 1
     return [
         sweep
@@ -155,7 +155,7 @@ def with_costs(sweeps: Mapping[str, Sweep]) -> list[Sweep]:
 
 
 def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
-    """Groups by what else than the swept quantity they are of, and means over the lights of each material and view."""
+    """A place for the groups that differ only in the sweep; and for each material and view the mean over lights."""
     rows = [cell.row for group in groups for cell in group.cells]
     without = {kind: sweep.parameter if kind == sweep.kind else "" for kind in CONDITIONS}
     names = {kind: names_of(kind, rows, without[kind]) for kind in CONDITIONS}
@@ -186,7 +186,7 @@ def _options(row: Mapping[str, Any], kind: str) -> Mapping[str, Any]:
 
 
 def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Options and parameters that have more than one number; none that was tuned."""
+    """Options and parameters with more than one number, without tuned options."""
     numbers: dict[str, set[float]] = {}
     for row in rows:
         for kind in ("", *CONDITIONS):
@@ -203,14 +203,14 @@ def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
-    """By key of each cell the label of its line, which is a method with the options that tell it from others.
+    """The label of each cell's line, by the cell's key. A line is a method with the options that distinguish it.
 
-    Beside lines that are named by their budgets, the sole budget of a method is in its name, too.
+    If the names of other lines contain their budgets, the only budget of a method is in its name, too.
     """
     cells = sorted((cell for group in groups for cell in group.cells), key=lambda cell: cell.index)
     rows = [cell.row for cell in cells]
     names: dict[str, str] = {}  # by key of a cell
-    lines: dict[str, tuple[str, dict[str, str], str]] = {}  # by name the method, the options and the budget
+    lines: dict[str, tuple[str, dict[str, str], str]] = {}  # method, options and budget, by name
     told = [options for _, options in told_apart(rows, _told_over(over))]
     has_budgets = any(row["budget"] in options for row, options in zip(rows, told, strict=True))
     for row, options in zip(rows, told, strict=True):
@@ -245,7 +245,7 @@ def _told_over(name: str) -> str | None:
 
 
 def _leading(lines: Sequence[Mapping[str, str]]) -> str:
-    """The option that divides lines the most evenly: no value of it has as many lines as one of another option."""
+    """The option that divides the lines most evenly: its most frequent value has the fewest lines."""
     keys = dict.fromkeys(key for line in lines for key in line)
     most = {key: max(Counter(line.get(key) for line in lines).values()) for key in keys}
     return min(most, key=lambda key: most[key], default="")
@@ -256,7 +256,7 @@ def _is_tuned(row: Mapping[str, Any], option: str) -> bool:
 
 
 def _n_values(place: Place) -> int:
-    """The most values of the swept quantity that a line has at a place."""
+    """The largest number of values of the swept quantity that a line has at a place."""
     values: dict[int, set[float]] = {}
     for group in place.lights[0]:
         for cell in group.done:

@@ -1,6 +1,6 @@
 """Tables of cells, with columns from the table of columns of the results.
 
-A new column of the results is a column here: a count, an error or a cost stands with its like, in its own unit.
+A new column of the results becomes a column of the table, next to the other counts, errors or costs, with its unit.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,7 +17,7 @@ from .table import Entry, Head, Part, Row, Table
 from .times import spread_of
 
 CHANGES = ("light", "material", "geometry", "view")
-# What most readers look for, in this order and by these short names; all other counts and costs come after them.
+# The columns that most readers look for, in this order and with these short names; the other counts and costs follow.
 LAYOUT = {
     "n_samples": "samples", "shade_seconds": "shade", "stage_seconds": "stages", "update_seconds": "update",
     "state_bytes": "state",
@@ -25,7 +25,7 @@ LAYOUT = {
 
 
 class Quantity(NamedTuple):
-    """A head with what stands under it."""
+    """The head of a column, and the function that computes its entries."""
 
     head: Head
     entry: Callable[[Cell, Group], Entry]
@@ -42,10 +42,10 @@ def errors_of(report: Report, metrics: Sequence[str]) -> list[Quantity]:
 
 
 def costs_of(report: Report, only: Sequence[str] = ()) -> list[Quantity]:
-    """Times and memory: of what a change asks for one column for each change, of other parts their sum.
+    """Times and memory: one column for the update cost of each change; other costs with parts are shown as a sum.
 
     Args:
-        only: columns; none for all.
+        only: names of columns; empty for all.
     """
     found: list[Quantity] = []
     for column in _ordered(report.columns.values(), "cost"):
@@ -59,16 +59,16 @@ def costs_of(report: Report, only: Sequence[str] = ()) -> list[Quantity]:
 
 
 def without_notes(quantity: Quantity) -> Quantity:
-    """The same without what stands below its numbers."""
+    """The same quantity without the notes below its numbers."""
     return Quantity(quantity.head, lambda cell, group: quantity.entry(cell, group)._replace(note=""))
 
 
 def cell_table(report: Report, quantities: Sequence[Quantity], most: int, only_done: bool = False) -> Table:
-    """A row for each cell, in a part for each light, material and view.
+    """One row per cell, in one part per light, material and view.
 
     Args:
-        most: rows of a part.
-        only_done: leaves cells without an image out.
+        most: largest number of rows of a part.
+        only_done: leave out cells without an image.
     """
     cells = [cell for group in report.groups for cell in group.cells]
     has_options, has_tuned = any(c.options for c in cells), any(c.row["tuned"] for c in cells)
@@ -115,7 +115,7 @@ def _row(cell: Cell, group: Group, quantities: Sequence[Quantity], has_options: 
 
 
 def _merged(entries: Sequence[Entry], quantities: Sequence[Quantity], cell: Cell) -> list[Entry]:
-    """The entries; one in the place of all metrics, where the reference cannot tell how large they are."""
+    """The entries, with one entry in place of all metrics if the reference cannot resolve them."""
     is_error = [each.head.role == "error" for each in quantities]
     if not cell.row["at_noise_floor"] or not any(is_error):
         return list(entries)
@@ -129,7 +129,7 @@ def _merged(entries: Sequence[Entry], quantities: Sequence[Quantity], cell: Cell
 
 
 def _ordered(columns: Iterable[Column], role: str) -> list[Column]:
-    """The columns of a role: first those of the layout."""
+    """The columns of a role; those with a fixed place come first."""
     order = list(LAYOUT)
     own = [column for column in columns if column.role == role]
     return sorted(own, key=lambda column: order.index(column.name) if column.name in order else len(order))
@@ -159,12 +159,12 @@ def _error(column: Column, estimate: Callable[[Mapping[str, Any], str], Estimate
 
 
 def _uncertainty(found: Estimate) -> str:
-    """Half the 95 % interval that the noise of the reference leaves; "" where it is not known."""
+    """Half of the 95 % interval from the noise of the reference; "" if it is not known."""
     return f"± {number(found.half_width, 2)}" if found.half_width > 0 else ""
 
 
 def _cost(column: Column, part: str = "") -> Quantity:
-    """A cost; where it has parts, one of them or their sum."""
+    """A cost; of a cost with parts, one part or the sum."""
 
     def value_of(row: Mapping[str, Any], name: str) -> float | None:
         value = row.get(name)

@@ -1,4 +1,4 @@
-"""The cells of a study as a report shows them: grouped by what they share, named by what tells them apart."""
+"""The cells of a study as a report shows them: grouped by condition, named by the options in which they differ."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,9 +16,9 @@ class Cell:
 
     Attributes:
         row: the row of cells.parquet; JSON columns parsed, missing values None.
-        options: those that tell it from the other cells of its method, the budget aside; or "".
-        index: the place in the study of this method with the options of its line.
-        line: the options without those that the budget decides: what tells the lines of a plot apart.
+        options: the options that distinguish it from other cells of its method, without the budget; or "".
+        index: index in the study of its line, which is its method with the options in `line`.
+        line: the options without those that the budget determines: they distinguish the lines of a plot.
     """
 
     row: Mapping[str, Any]
@@ -33,7 +33,7 @@ class Cell:
 
     @property
     def done(self) -> bool:
-        """True where there is an image."""
+        """Whether the cell has an image."""
         return bool(self.row["status"] == "done")
 
 
@@ -42,10 +42,10 @@ class Group:
     """The cells of one light, material and view, which share a reference.
 
     Attributes:
-        title: the names, with the options that tell them from others.
+        title: the names, with the options that distinguish them from others.
         options: all options of light, material and view.
-        reference: values of the reference's columns; empty where no cell was done.
-        best: keys of the best cells by metric.
+        reference: values of the columns of the reference; empty if no cell is done.
+        best: keys of the best cells, by metric.
         names: of light, material and view, as in the title.
         columns: of the metrics, by name.
     """
@@ -86,19 +86,19 @@ def grouped(rows: Sequence[dict[str, Any]], metrics: Iterable[Column]) -> list[G
 
 
 def methods_of(groups: Sequence[Group]) -> dict[str, int]:
-    """The methods of the cells, each with its place, which decides its colour in all that a report draws."""
+    """The methods of the cells, each with its index, which selects its colour in the whole report."""
     cells = sorted((cell for group in groups for cell in group.cells), key=lambda cell: cell.index)
     return {method: i for i, method in enumerate(dict.fromkeys(str(cell.row["method"]) for cell in cells))}
 
 
 def sole_method(groups: Sequence[Group]) -> str:
-    """The method that all cells are of; "" where there are several."""
+    """The method of all cells; "" if there are several methods."""
     methods = {str(cell.row["method"]) for group in groups for cell in group.cells}
     return methods.pop() if len(methods) == 1 else ""
 
 
 def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
-    """Rows as cells, each with the options that tell it from others of its method."""
+    """Rows as cells, each with the options that distinguish it from other cells of its method."""
     order: dict[tuple[str, str], int] = {}
     cells = []
     for row, texts in zip(rows, told_apart(rows), strict=True):
@@ -109,7 +109,7 @@ def _cells(rows: Sequence[dict[str, Any]]) -> list[Cell]:
 
 
 def _best(metric: Column, rows: Sequence[Mapping[str, Any]]) -> frozenset[str]:
-    """Keys of the cells with the best value; all that the reference cannot tell apart share the place."""
+    """Keys of the cells with the best value, or with one that the reference cannot distinguish from the best."""
     floor = frozenset(row["key"] for row in rows if row["at_noise_floor"])
     values = {row["key"]: abs(row[metric.name]) for row in rows if row[metric.name] is not None}
     if floor or not values:

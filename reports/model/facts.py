@@ -1,4 +1,4 @@
-"""Facts of a report beside its numbers: cells without an image, versions and hardware, options of each condition."""
+"""Facts in a report besides numbers: cells without an image, versions and hardware, options of each condition."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from glossbench.study.labels import listed
 from .conditions import Cell, Group
 from .report import Report
 
-# Columns that say by what cells were made, where the provenance of the run tells of one process alone.
+# Columns with the origin of each cell: the provenance of the run describes only one of the processes.
 OF_CELLS = {
     "version": "versions of the cells", "torch": "torch of the cells", "device": "devices of the cells",
     "seed": "seeds", "light_key": "light keys",
@@ -25,7 +25,7 @@ class Missing(NamedTuple):
 
     @property
     def has_failed(self) -> bool:
-        """Whether it raised an error; else its method said that it cannot do this."""
+        """Whether it raised an error; otherwise its method does not support it."""
         return bool(self.cell.row["status"] == "failed")
 
 
@@ -41,7 +41,7 @@ def without_image(report: Report) -> list[Missing]:
 
 
 def provenance(report: Report) -> list[tuple[str, str]]:
-    """By what, when and where the results were made, and all options of each light, material and view."""
+    """Versions, time and machine of the results, and all options of each light, material and view."""
     facts = {key.replace("_", " "): value for key, value in report.provenance.items()}
     facts |= {title: ", ".join(seen) for column, title in OF_CELLS.items() if (seen := report.seen(column))}
     if isinstance(report.study.get("reference"), Mapping):
@@ -53,7 +53,7 @@ def provenance(report: Report) -> list[tuple[str, str]]:
 
 
 def headline(report: Report) -> list[str]:
-    """With what, when and how much, and what must be said of results that are not whole."""
+    """Versions, time and number of cells, and remarks on incomplete results."""
     n_done = sum(row["status"] == "done" for row in report.rows)
     counts = f"{len(report.rows)} cells" + ("" if n_done == len(report.rows) else f", {n_done} of them with an image")
     version, started = report.provenance.get("glossbench"), str(report.provenance.get("started", ""))[:10]

@@ -1,4 +1,4 @@
-"""What each method with its options reached over what a study sweeps, and at what cost."""
+"""Lines of plots: error and cost of each method with its options over a sweep."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,26 +22,26 @@ COSTS = {
     "memory": COLUMNS["state_bytes"].heading,
 }
 Row = Mapping[str, Any]
-# Costs below these, in the same units, are the calls of stages that do nothing: no plot is made of them alone.
+# Lower costs, in the same units, are calls of empty stages; a plot of such costs alone is not drawn.
 NEGLIGIBLE = {cost: 1e-6 if cost == "memory" else 0.01 for cost in COSTS}
 CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One method with its options: what it reached at each value of the swept quantity, in their order.
+    """One method with its options, measured at each value of the swept quantity, in increasing order.
 
     Attributes:
         label: its name and look, the same in every plot over one quantity.
         x: the values of the swept quantity.
-        costs: of each point, by the names in `COSTS`.
+        costs: the costs of each point, by the names in `COSTS`.
         errors: the size of the metric.
-        at_floor: true where the reference cannot resolve the RMS error.
-        keys: of the cells; none where a point is a mean over lights.
-        band: lower and upper end of the confidence interval, where a point is a mean over three lights or more.
-        interval: lower and upper end of the 95 % interval that the noise of the reference leaves each point; None where
-            it is not known.
-        spread: shading time [ms] of the fastest and of the slowest run of each point; None where results do not say.
+        at_floor: true if the reference cannot resolve the RMS error.
+        keys: keys of the cells; none if a point is a mean over lights.
+        band: lower and upper end of the confidence interval, if a point is a mean over three lights or more.
+        interval: lower and upper end of the 95 % interval of each point, from the noise of the reference; None if it is
+            not known.
+        spread: shading time [ms] of the fastest and of the slowest run of each point; None if the results lack it.
     """
 
     label: Label
@@ -62,7 +62,7 @@ class Measured:
     def slope(self, of: str = "") -> float | None:
         """Fitted slope of log error, or of a cost, over log x.
 
-        None below three resolved points, or where an x is not positive.
+        None with fewer than three resolved points, or if an x is not positive.
         """
         values = self.costs.get(of, self.errors)
         use = (values > 0) & np.isfinite(values) & (~self.at_floor | (of in self.costs))
@@ -73,7 +73,7 @@ class Measured:
 
 
 def axis_of(place: Place, metric: str) -> Axis:
-    """How a metric is plotted: signed ones by their size."""
+    """The axis of a metric; a signed metric is plotted by its absolute value."""
     column = place.groups[0].columns[metric]
     unit = f" [{column.unit}]" if column.unit else ""
     label = f"|{column.title}|{unit}" if column.signed else f"{column.title}{unit}"
@@ -83,7 +83,7 @@ def axis_of(place: Place, metric: str) -> Axis:
 
 
 def measured_at(place: Place, metric: str, estimate: Callable[[Row, str], Estimate] = estimate_of) -> list[Measured]:
-    """The lines of a metric, in the order of the study; the first light says where they have points.
+    """The lines of a metric, in the order of the study; the cells of the first light determine their points.
 
     Args:
         estimate: a metric of a row with its uncertainty.
@@ -121,7 +121,7 @@ def measured_at(place: Place, metric: str, estimate: Callable[[Row, str], Estima
 
 
 def named(labels: Sequence[Label]) -> tuple[str, list[str]]:
-    """A title and a name for each line; where all are of one method, the title has it, and the names of its options."""
+    """A title, and a name for each line. A method that all lines share is the title; the names are then the options."""
     methods = {label.method for label in labels}
     options = {tuple(label.options) for label in labels}
     if len(methods) > 1 or len(options) > 1 or () in options:
@@ -131,9 +131,9 @@ def named(labels: Sequence[Label]) -> tuple[str, list[str]]:
 
 
 def front(lines: Sequence[Measured], cost: str, axis: Axis) -> list[Mask]:
-    """For each line, its points on the Pareto front: no other has a lower cost and error, or one and the other equal.
+    """For each line, its points on the Pareto front: no other is better in cost or error and as good in the other.
 
-    Errors that the reference cannot resolve count as equal, the largest of them.
+    Errors that the reference cannot resolve count as equal to the largest of them.
     """
     shown = [axis.shows(line.errors) & np.isfinite(line.costs[cost]) for line in lines]
     worse = [
@@ -166,7 +166,7 @@ def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floa
 
 
 def _interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] | None:
-    """The ends of each; where the axis is logarithmic, of the logarithm of its size."""
+    """The ends of each interval; on a logarithmic axis, those of the logarithm of the absolute value."""
     half = np.array([each.half_width for each in found])
     if not (np.isfinite(half) & (half > 0)).any():
         return None
@@ -175,7 +175,7 @@ def _interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] 
         return value - half, value + half
     size = np.abs(value)
     ratio = np.divide(half, size, out=np.zeros_like(half), where=size > 0)
-    factor = np.exp(np.minimum(ratio, 30.0))  # which is beyond every axis
+    factor = np.exp(np.minimum(ratio, 30.0))  # beyond every axis
     return size / factor, size * factor
 
 
@@ -187,9 +187,9 @@ def _cost(row: Mapping[str, Any], cost: str) -> float:
 
 
 def _mean(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:
-    """Of each point the mean over lights and, from three lights on, its confidence interval by Student's t.
+    """The mean over lights of each point and, with at least three lights, its confidence interval by Student's t.
 
-    Errors are averaged by their logarithm, as they are plotted.
+    On a logarithmic axis the logarithms are averaged.
     """
     table = np.array(values, float)
     if is_log:

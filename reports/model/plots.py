@@ -1,4 +1,4 @@
-"""The house's plots as data: a metric or a cost over what a study sweeps, against each cost, or by method."""
+"""The built-in plots as data: a metric or a cost over a sweep, against each cost, or by method."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,7 +11,7 @@ from .panels import Axis, Beside, Floats, Line, Panel
 
 
 def over_axis(place: Place, metric: str, lines: Sequence[Measured]) -> Panel:
-    """A metric, or a cost of the same cells, over what is swept; with slopes where the metric falls to better images.
+    """A metric, or a cost of the same cells, over a sweep; with slopes if a lower metric is better.
 
     An axis is linear where a value is zero or less.
     """
@@ -25,7 +25,7 @@ def over_axis(place: Place, metric: str, lines: Sequence[Measured]) -> Panel:
 
 
 def against_cost(place: Place, metric: str, lines: Sequence[Measured], cost: str) -> Panel:
-    """A metric against a cost, with the Pareto front; of shading time with its fastest and slowest runs."""
+    """A metric against a cost, with the Pareto front; for shading time also the fastest and the slowest run."""
     across, y = axis_over(place, lines), axis_of(place, metric)
     drawn = [
         replace(
@@ -39,7 +39,7 @@ def against_cost(place: Place, metric: str, lines: Sequence[Measured], cost: str
 
 
 def by_method(place: Place, metric: str, lines: Sequence[Measured]) -> Panel:
-    """A row of dots for each method: for a study with one budget, where nothing else can be plotted."""
+    """A row of dots for each method, for a study with one budget."""
     names = Axis("", is_log=False, names=[line.name for line in lines])
     drawn = []
     for row, line in enumerate(lines):
@@ -49,12 +49,12 @@ def by_method(place: Place, metric: str, lines: Sequence[Measured]) -> Panel:
 
 
 def has_cost(lines: Sequence[Measured], cost: str) -> bool:
-    """Whether a cost of a line is more than the calls of stages that do nothing."""
+    """Whether a cost of a line is more than the calls of empty stages."""
     return any((line.costs[cost] >= NEGLIGIBLE[cost]).any() for line in lines)
 
 
 def axis_over(place: Place, lines: Sequence[Measured]) -> Axis:
-    """The axis of what is swept."""
+    """The axis of a sweep."""
     is_log = place.sweep.name == SAMPLES or all((line.x > 0).all() for line in lines)
     return Axis(place.sweep.title, place.sweep.name, is_log=is_log, at_values=True)
 
@@ -65,7 +65,7 @@ def y_axis(place: Place, metric: str) -> Axis:
 
 
 def cost_axis(cost: str) -> Axis:
-    """The axis of a cost, on which a cost of nothing has a place."""
+    """The axis of a cost, which can show a cost of zero."""
     return Axis(COSTS[cost], has_zero=True, negligible=NEGLIGIBLE[cost])
 
 

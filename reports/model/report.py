@@ -1,4 +1,4 @@
-"""The report of a study: all that page, print and single figures show, computed once from what a run left on disk."""
+"""The report of a study: all that page, print and single figures show, computed once from the files of a run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,18 +27,18 @@ KINDS = ("method", "material", "light", "view")
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What a run left on disk, read and put in order.
+    """The results of a run, read from disk and put in order.
 
     Attributes:
         results: the folder, for images.
         study: the resolved study.
         claims: the verdicts.
         provenance: versions, hardware, times.
-        remarks: what must be said of results that are not whole.
-        rows: of all cells; JSON columns parsed, missing values None.
-        metrics: of the study, as far as the results have them.
-        measured: these, and all others that the results have.
-        columns: of the results, by name, as the run knew them.
+        remarks: sentences about incomplete results.
+        rows: the rows of all cells; JSON columns parsed, missing values None.
+        metrics: the metrics of the study that the results have.
+        measured: these metrics, and all others that the results have.
+        columns: the columns of the results, by name, as the run recorded them.
         groups: the cells by light, material and view.
     """
 
@@ -73,7 +73,7 @@ class Report:
 
     @cached_property
     def descriptions(self) -> Descriptions:
-        """What the run knew of all that its study names; of other things in the table, what is installed here."""
+        """The descriptions that the run recorded; of other things in the table, those of the installed classes."""
         known = self.results.descriptions
         others = [(kind, name) for kind, name in self._used if known.of(kind, name) is None]
         installed = [(kind, name) for kind, name in others if name in REGISTRIES[kind].names()]
@@ -82,7 +82,7 @@ class Report:
 
     @cached_property
     def _used(self) -> list[tuple[str, str]]:
-        """(kind, name) of all that the results are made of, methods first."""
+        """(kind, name) of all methods, materials, lights, views and metrics of the results, methods first."""
         used = [(kind, name) for kind in KINDS for name in self.seen(kind)]
         return used + [("metric", name) for name in self.measured]
 
@@ -93,7 +93,7 @@ class Report:
 
     @cached_property
     def axes(self) -> dict[str, Sweep]:
-        """By name what the study sweeps; first what a report shows unasked."""
+        """The sweeps of the study by name; the first is the default axis."""
         return sweeps_of(self.done, self.study.get("claims") or ())
 
     def places(self, axis: Sweep) -> list[Place]:
@@ -103,7 +103,7 @@ class Report:
         return self._places[axis.name]
 
     def lines(self, place: Place, metric: str) -> list[Measured]:
-        """What each line reached at a place."""
+        """The lines of a metric at a place."""
         key = id(place), metric  # places are made once and live as long as the report
         if key not in self._lines:
             self._lines[key] = measured_at(place, metric, self.estimate)
@@ -118,21 +118,21 @@ class Report:
 
     @cached_property
     def sole_method(self) -> str:
-        """The method that all cells are of; "" where there are several."""
+        """The method of all cells; "" if there are several methods."""
         return sole_method(self.groups)
 
     @cached_property
     def answer(self) -> Answer | None:
-        """The cells that a first glance should show, under the study's first metric."""
+        """The cells of the picture on the first page, for the study's first metric."""
         return self.answer_under(self.measured[0]) if self.measured else None
 
     def answer_under(self, metric: str) -> Answer | None:
-        """The same under another metric."""
+        """The same for another metric."""
         return answer_of(self.done, metric, claimed(self.results))
 
     @cached_property
     def equal(self) -> list[Equal]:
-        """Tables of equal time and equal error of each place over samples and metric, where two lines compare."""
+        """Tables of equal time and equal error, for each place over samples and each metric with two such lines."""
         places = self.places(self.axes[SAMPLES])
         return [
             found
@@ -143,7 +143,7 @@ class Report:
 
     @cached_property
     def citations(self) -> list[Citation]:
-        """The literature behind all that the study is made of."""
+        """The literature for all that the study uses."""
         used = [(kind, name) for kind, name in self._used if kind != "metric" or name in self.metrics]
         known = [(name, self.descriptions.of(kind, name)) for kind, name in used]
         sources = [(name, found.source) for name, found in known if found]
@@ -151,17 +151,17 @@ class Report:
 
     @cached_property
     def verdict_words(self) -> dict[str, str]:
-        """What words of verdicts mean."""
+        """The meaning of words in verdicts."""
         return explain_verdicts(self.claims)
 
     @cached_property
     def table_words(self) -> dict[str, str]:
-        """What words of tables mean."""
+        """The meaning of words in tables."""
         return explain_table(self.rows, descriptions=self.descriptions)
 
     @cached_property
     def time_notes(self) -> list[str]:
-        """What a reader of times must know."""
+        """Remarks on how times were measured."""
         return time_notes(self.rows)
 
     def seen(self, column: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Tables of other things than cells: references, equal times and errors, the cases of claims."""
+"""Tables without cells: references, equal times and errors, the cases of claims."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,7 +12,13 @@ from .report import Report
 from .table import Entry, Head, Part, Row, Table
 from .times import spread_of
 
-APART = ("where", "verdict", "low", "high", "seeds")  # of a case: they head its row, end it, or are in its summary
+APART = (
+    "where",
+    "verdict",
+    "low",
+    "high",
+    "seeds",
+)  # of a case: shown at the ends of its row, or in the sentence of the claim
 
 
 def reference_table(report: Report) -> Table:
@@ -33,10 +39,10 @@ def reference_table(report: Report) -> Table:
 
 
 def equal_table(equal: EqualTable, title: str, unit: str, most: int) -> Table:
-    """What each line would reach at equal times or errors; of very many lines the first, though all are compared.
+    """The value of each line at equal times or errors; of very many lines the first, though all are compared.
 
     Args:
-        title: heads the names; "" for the method that all lines share, which their names then leave out.
+        title: the head of the names; "" for the method that all lines share, which is then left out of their names.
     """
     shared, names = named([line.label for line in equal.lines])
     if title:
@@ -55,7 +61,7 @@ def equal_table(equal: EqualTable, title: str, unit: str, most: int) -> Table:
 
 
 def claim_table(claim: Mapping[str, Any], most: int) -> Table:
-    """The cases of a claim, with the columns that its numbers have; an interval stands below its number."""
+    """The cases of a claim, with one column per number; an interval is shown below its number."""
     cases = claim["numbers"]
     keys = list(dict.fromkeys(key for case in cases for key in case if key not in APART))
     rows = []

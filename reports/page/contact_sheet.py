@@ -1,4 +1,4 @@
-"""The contact sheet of a report: of each group the reference, pictures of cells, and their signed error maps."""
+"""The contact sheet of a report: for each group the reference, pictures of cells, and their signed error maps."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -48,7 +48,7 @@ def pictures_of(results: Results, group: Group, shown: Sequence[Cell], name: str
 
 
 def _tile_rows(tiles: Sequence[dict[str, Any]]) -> list[list[dict[str, Any]]]:
-    """A row for each method with more than one budget; the others together in the last."""
+    """A row for each method with more than one budget; the other methods share the last row."""
     rows = [list(members) for _, members in groupby(tiles, key=lambda tile: tile["cell"].index)]
     single = [row[0] for row in rows if len(row) == 1]
     return [row for row in rows if len(row) > 1] + ([single] if single else [])

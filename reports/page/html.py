@@ -1,4 +1,4 @@
-"""The HTML report of a study: one file, read from what the run left on disk, that opens without a network."""
+"""The HTML report of a study: one file, made from the files of the run, that opens without a network."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -33,12 +33,12 @@ from .plot_data import plot_data
 from .scripts import TEMPLATES, module, policy
 from .tiles import MANY_PATTERNS, pattern_tiles, state_tiles
 
-MOST_ROWS, FEWEST_ROWS = 1000, 5  # of a table, in all and of a light, material and view
+MOST_ROWS, FEWEST_ROWS = 1000, 5  # of a table, in total and for one light, material and view
 PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
 
 
 def write_report(folder: Path) -> Path:
-    """Writes report.html into a folder of results, whole or not at all, and returns its path."""
+    """Write report.html into a folder of results, whole or not at all, and return its path."""
     results = Results(folder)
     results.disk.own("report.html")
     report = Report.of(results)
@@ -84,7 +84,7 @@ def write_report(folder: Path) -> Path:
 
 @cache
 def _templates() -> Environment:
-    """Templates that escape all that they are given, and stop where something is missing."""
+    """Templates that escape all values, and raise an error if one is missing."""
     templates = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -101,7 +101,7 @@ def _templates() -> Environment:
 
 
 def _named(cells: pandas.DataFrame) -> pandas.DataFrame:
-    """The table with what its lights, materials and views are called, which older results do not hold."""
+    """The table with the names of its lights, materials and views, which older results do not contain."""
     return pandas.DataFrame(with_names(cells.to_dict("records")), index=cells.index)
 
 
@@ -110,12 +110,12 @@ def _samples(value: float) -> str:
 
 
 def _breakable(name: str) -> Markup:
-    """A name that a line may break after its underscores."""
+    """A name with possible line breaks after its underscores."""
     return escape(name).replace("_", Markup("_<wbr>"))
 
 
 def _answer(report: Report) -> dict[str, Any] | None:
-    """The picture of the first screen, under the first metric."""
+    """The picture at the top of the page, for the first metric."""
     if report.answer is None:
         return None
     pictures = drawn(report.results, report.answer)
@@ -134,7 +134,7 @@ def _sheets(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
 
 
 def _methods(methods: Sequence[MethodText]) -> list[dict[str, Any]]:
-    """Methods in words, with their equation as the source of an <img>, where it is one."""
+    """Descriptions of methods, with the equation as the source of an <img>, if typst can set it."""
     with Press() as press:
 
         def image(equation: str) -> str:

@@ -1,8 +1,8 @@
 """The images of a report as data for the viewer of the page: radiance in half floats, FLIP maps and masks, deflated.
 
 An image is four planes (R, G, B, A) of half floats: radiance, and in A the FLIP map of a cell or the mask of a
-reference. `packed` says how they become bytes. Small studies keep them in the page. Others have a file an image beside
-it, which the page loads as a script when it is looked at: the only thing that a page opened from disk may load.
+reference. `packed` converts them to bytes. Small studies keep them in the page. Larger ones have one file per image
+next to the page, which loads it as a script when it is shown: a page opened from disk may load nothing else.
 """
 
 import zlib
@@ -30,9 +30,9 @@ from .. import raster, style
 from ..model.conditions import Cell, Group, methods_of
 from ..model.errors import EPSILON, ERRORS, Floats, error
 
-INLINE = 32_000_000  # bytes of half floats, before deflation, up to which the page holds its images itself
-FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # of a map's longer side, and of the maps of all cells together, at most
-RANGE_SAMPLES = 1_000_000  # pixels of a group that decide the end of the scale of an error
+INLINE = 32_000_000  # largest size of all half floats, before deflation, that is stored in the page
+FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # largest longer side of a map, and largest sum over the maps of all cells
+RANGE_SAMPLES = 1_000_000  # pixels of a group that determine the end of the error scale
 LARGEST_HALF = 65504.0
 FOLDER = "report_images"
 Planes = NDArray[np.float16]
@@ -40,12 +40,12 @@ Planes = NDArray[np.float16]
 
 @dataclass(frozen=True)
 class Payload:
-    """What the viewer reads.
+    """The data of the viewer.
 
     Attributes:
         registry: groups and their images, as JSON that is safe in a page.
-        blocks: base64 by identifier, of images that the page holds; empty where they are files beside it.
-        files: names in the folder of images beside the page.
+        blocks: base64 of the images in the page, by identifier; empty if they are files next to it.
+        files: names in the folder of images next to the page.
     """
 
     registry: Markup
@@ -54,10 +54,10 @@ class Payload:
 
 
 def payload(results: Results, groups: Sequence[Group], metric: str | None = None) -> Payload:
-    """All images of these groups; writes those that are too large for the page beside it.
+    """All images of these groups; those that are too large for the page are written to files next to it.
 
     Args:
-        metric: the one whose number stands with each image.
+        metric: the metric whose value is shown with each image.
     """
     shown = [group for group in groups if group.done]
     shapes = [results.mask(group.reference["reference_key"]).shape for group in shown]
@@ -95,15 +95,15 @@ def payload(results: Results, groups: Sequence[Group], metric: str | None = None
 
 
 def remove_others(results: Results, payload: Payload) -> None:
-    """Remove image files of an older page that this program wrote; to be called when the new page is there."""
+    """Remove image files of an older page that this program wrote; to be called after the new page is written."""
     results.disk.keep_only(".js", FOLDER, payload.files)
 
 
 def packed(planes: Planes) -> bytes:
-    """Half floats (4, H, W) as bytes that deflate well, deflated.
+    """Half floats (4, H, W) as deflated bytes, reordered so that they deflate well.
 
-    Their bits as integers, modulo 2^16: green is taken from red and blue, each is replaced by its difference to the
-    left, then to above, the sign goes to the lowest bit, and all high bytes come before all low ones.
+    Their bits as integers, modulo 2^16: green is subtracted from red and blue, each value is replaced by its difference
+    from the left one, then from the one above, the sign moves to the lowest bit, and high bytes precede low ones.
     """
     bits = planes.view(np.int16).copy()
     bits[[0, 2]] -= bits[1]
@@ -121,7 +121,7 @@ def _images(
     ranges: Mapping[str, list[Floats]],
     hues: Mapping[str, int],
 ) -> Iterator[tuple[dict[str, Any], Planes]]:
-    """Reference and cells of a group, one after the other; the errors met on the way are added to `ranges`."""
+    """The reference and then the cells of a group; their errors are added to `ranges`."""
     key = group.reference["reference_key"]
     reference, mask = results.reference(key).astype(np.float64), results.mask(key)
     stated = {"samples": group.reference["reference_samples"], "note": _noise(group)}
@@ -178,13 +178,13 @@ def _noise(group: Group) -> str:
 
 
 def _halves(radiance: Floats, fourth: Floats) -> Planes:
-    """Planes (4, H, W); what a half float cannot hold becomes its largest value, what is no number becomes 0."""
+    """Planes (4, H, W); values above the range of a half float become its largest value, and NaN becomes 0."""
     four = np.concatenate([radiance, fourth[..., None]], axis=2).transpose(2, 0, 1)
     return np.clip(np.nan_to_num(four, nan=0.0), -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
 
 
 def _kept(results: Results, name: str, shape: tuple[int, ...], make: Callable[[], Floats]) -> Floats:
-    """A map in steps of 1/256, made by the first page of these results, or again where the file is damaged."""
+    """A map in steps of 1/256, computed for the first page of these results, or again if its file is damaged."""
     path = results.disk.path(name)
     steps = _stored(path, shape)
     if steps is None:
@@ -195,9 +195,9 @@ def _kept(results: Results, name: str, shape: tuple[int, ...], make: Callable[[]
 
 
 def _stored(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
-    """The steps in a file of a map; None where there is none, or not the whole of one of this shape."""
+    """The steps in a file of a map; None if there is no complete file of this shape."""
     try:
-        with ZipFile(path) as file:  # which has checksums
+        with ZipFile(path) as file:  # a ZIP file has checksums
             if sum(member.file_size for member in file.infolist()) > 2 * prod(shape) + 1000 or file.testzip():
                 return None
         with np.load(path, allow_pickle=False) as kept:
@@ -208,7 +208,7 @@ def _stored(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
 
 
 def _flip(image: Floats, reference: Floats, mask: raster.Mask, n: int) -> Floats:
-    """The FLIP map in steps of 1/256; of n x n pixels averaged, seen under the same visual angle, where n > 1."""
+    """The FLIP map in steps of 1/256; for n > 1 of the means of n x n pixels, seen under the same visual angle."""
     if n == 1:
         return np.round(256 * FLIP().errors(image, reference, mask)) / 256
     size = max(mask.shape) // n
@@ -220,12 +220,12 @@ def _flip(image: Floats, reference: Floats, mask: raster.Mask, n: int) -> Floats
 
 
 def _colours(colours: Any) -> str:
-    """255 colours of a map, as base64 of RGB bytes."""
+    """The 255 colours of a colour map, as base64 of RGB bytes."""
     return b64encode(np.round(255 * colours(range(255))[:, :3]).astype(np.uint8).tobytes()).decode()
 
 
 def _write_beside(results: Results, name: str, data: bytes) -> str:
-    """An image as a script that hands it to the page; whatever had its name, for a script of a stranger would run."""
+    """Write an image as a script for the page. A file of this name is replaced: an unknown script would run."""
     path = results.disk.path(f"{FOLDER}/{name}.js")
     text = f'glossbenchImage("{name}","{b64encode(data).decode()}")\n'
     if not path.is_file() or path.stat().st_size != len(text) or path.read_text("latin-1") != text:

@@ -1,4 +1,4 @@
-"""The plots of a page as data: every case of every figure, with what they share stored once."""
+"""The plots of a page as data: every case of every figure; equal values are stored once."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -15,7 +15,7 @@ from ..model.report import Report
 
 
 class Pool:
-    """JSON values, equal ones once; each is known by its place.
+    """JSON values without duplicates; each is referred to by its index.
 
     The costs of a line are the same under every metric, and its errors the same against every cost.
     """
@@ -23,10 +23,10 @@ class Pool:
     def __init__(self) -> None:
         self.values: list[Any] = []
         self._places: dict[str, int] = {}
-        self._of_numbers: dict[bytes, int] = {}  # most numbers come again: a look at their bytes is quick
+        self._of_numbers: dict[bytes, int] = {}  # most numbers repeat, and comparing bytes is fast
 
     def add(self, value: Any) -> int:
-        """The place of a value."""
+        """The index of a value."""
         text = dumps(value)
         if text not in self._places:
             self._places[text] = len(self.values)
@@ -34,7 +34,7 @@ class Pool:
         return self._places[text]
 
     def numbers(self, values: Floats | None) -> int | None:
-        """The place of numbers; of six digits, which are more than a plot or its tip shows; None where not finite."""
+        """The index of numbers, rounded to 6 digits, more than a plot or its tip shows; None if they are not finite."""
         if values is None:
             return None
         found = self._of_numbers.get(stored := np.asarray(values, float).tobytes())
@@ -44,14 +44,14 @@ class Pool:
         return found
 
     def ends(self, ends: Ends | None) -> list[int | None] | None:
-        """The places of lower and upper ends."""
+        """The indices of lower and upper ends."""
         return ends and [self.numbers(end) for end in ends]
 
 
 def plot_data(report: Report) -> dict[str, Any]:
-    """What the script of the plots reads."""
+    """The data for the script of the plots."""
     pool, found, titles = Pool(), [], dict[str, str]()
-    # An option depends on those before it: the figures that ask for the most say in which order all stand.
+    # An option depends on those before it; the figures with the most options determine the order of all.
     for name in sorted(FIGURES.names(), key=lambda name: -len(FIGURES.get(name).options)):
         figure = FIGURES.get(name)()
         if figure.in_reports:
@@ -94,7 +94,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 
 def _line(line: Line, pool: Pool) -> list[int | None]:
-    """Places of x, of y, and of all else."""
+    """Indices of x, of y, and of the rest."""
     beside = [{"title": each.title, "values": pool.numbers(each.values), "spread": pool.ends(each.spread)}
               for each in line.beside]  # fmt: skip
     rest: Mapping[str, Any] = {

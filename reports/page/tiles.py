@@ -1,4 +1,4 @@
-"""Small pictures of the page beside images: sample patterns, and what methods keep."""
+"""Small pictures of the page: sample patterns, and the precomputed state of methods."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +16,7 @@ MANY_STATES = 24
 
 
 def pattern_tiles(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
-    """Half vectors that the pixels share, equal ones once; only their number where there are too many."""
+    """The different patterns of half vectors that pixels share; of too many only their number."""
     found: dict[Any, tuple[Group, Cell, Floats]] = {}
     for group in groups:
         for cell in group.done:
@@ -42,9 +42,9 @@ def pattern_tiles(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
 
 
 def state_tiles(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
-    """Pictures of what methods keep, each at an exposure of its own; of the first cells where there are many."""
+    """Pictures of the precomputed state of methods, each at its own exposure; of many cells, the first ones."""
     tiles: list[dict[str, Any]] = []
-    # One listing of a folder that may hold many thousand files, not one a cell.
+    # The folder may have many thousand files: it is listed once, not once per cell.
     have = {path.name.partition("_state_")[0] for path in (results.folder / "images").glob("*_state_*.exr")}
     for group in groups:
         for cell in group.done:
@@ -52,7 +52,7 @@ def state_tiles(results: Results, groups: Sequence[Group]) -> list[dict[str, Any
             found = results.pictures(key) if key in have and len(tiles) < MANY_STATES else {}
             for name, image in found.items():
                 shown = np.ones(image.shape[:2], bool)
-                lit = image.max(axis=2) > 0  # an unfolded cube has empty places
+                lit = image.max(axis=2) > 0  # an unfolded cube has empty corners
                 exposure = raster.exposure_of(image, lit) if lit.any() else 1.0
                 png = raster.picture(image, shown, exposure)
                 tile = {"name": name, "title": group.title, "cell": cell, "shape": image.shape, "exposure": exposure}

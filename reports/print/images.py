@@ -1,4 +1,4 @@
-"""Figures of images for print: whole images over their signed error maps, and crops beside a marked reference."""
+"""Figures of images for print: whole images over their signed error maps, and crops next to a marked reference."""
 
 from collections.abc import Iterable, Sequence
 from itertools import groupby
@@ -17,8 +17,8 @@ from ..model.selection import middle_budgets
 from ..raster import Floats, Mask
 from ..typesetting import Press
 
-COLUMNS = 6  # of cells, side by side
-MOST_COLUMNS = 7  # where that saves a row
+COLUMNS = 6  # cells side by side
+MOST_COLUMNS = 7  # if that saves a row
 SIZE = 256  # pixels on the longer side of a whole image
 
 
@@ -26,8 +26,8 @@ class PrintedGroup:
     """The images of one light, material and view, at one exposure, with their errors.
 
     Args:
-        press: where the images are put.
-        metric: whose maps the errors are; None for image − reference, the mean of the channels.
+        press: receives the images.
+        metric: the metric of the error maps; None for image − reference, the mean of the channels.
     """
 
     def __init__(self, results: Results, group: Group, press: Press, metric: str | None = None) -> None:
@@ -52,9 +52,9 @@ class PrintedGroup:
         return {"columns": max(COLUMNS, *map(len, rows)), "rows": rows, **self._scale(limit, self.errors.values())}
 
     def crops(self, cells: Sequence[Cell], crops: Sequence[Crop] = ()) -> dict[str, Any]:
-        """Data of a figure of crops, those given or where the cells err most; whole, the reference with its frames.
+        """Data of a figure of crops, by default where the cells err most, and the whole reference with their frames.
 
-        The scale is that of the whole images of these cells.
+        Error maps have the scale of the whole images of these cells.
         """
         errors = [self.errors[cell.row["key"]] for cell in cells]
         limit = raster.error_limit([error[self.mask] for error in errors])
@@ -86,7 +86,7 @@ class PrintedGroup:
         return {"picture": picture, "error": self._map(error, self.mask, limit, SIZE), "caption": caption}
 
     def _map(self, error: Floats | None, mask: Mask, limit: float, size: int) -> str | None:
-        """The file of an error map; None for the reference where a standard error is no such error."""
+        """The file of an error map; None for the reference, if a standard error does not exist for this metric."""
         return None if error is None else self.press.add(raster.error_map(error, mask, limit, self.signed, size), "png")
 
     def _crops(self, image: Floats, error: Floats | None, limit: float, crops: Sequence[Crop]) -> list[dict[str, Any]]:
@@ -119,7 +119,7 @@ class PrintedGroup:
 
 
 def _packed(lines: Sequence[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]:
-    """Tiles in rows; lines stay whole, unless all have one tile or one is longer than a row: then all follow on."""
+    """Tiles in rows. Each line stays in one row, unless all lines have one tile, or a line is longer than a row."""
     longest = max(map(len, lines))
     if longest == 1 or longest > COLUMNS:
         tiles = [tile for line in lines for tile in line]
@@ -134,7 +134,7 @@ def _packed(lines: Sequence[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]
 
 
 def caption(cell: Cell) -> list[str]:
-    """Under an image: the method, its options, its samples and its errors."""
+    """The caption of an image: the method, its options, its samples and its errors."""
     row = cell.row
     count = f"{row['n_samples']} {'sample' if row['n_samples'] == 1 else 'samples'}"
     if row["at_noise_floor"]:
@@ -144,7 +144,7 @@ def caption(cell: Cell) -> list[str]:
 
 
 def best_few(group: Group, metric: str | None) -> list[Cell]:
-    """Of the lines of a group, each at its middle budget, those that one row of crops shows."""
+    """The lines of a group, each at its middle budget, that one row of crops shows."""
     cells = middle_budgets(group)
     if len(cells) <= MOST_TILES:
         return cells

@@ -1,4 +1,4 @@
-"""The PDF report of a study: the same as the page, for print, read from what the run left on disk."""
+"""The PDF report of a study: the contents of the page, for print, read from the files of the run."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
@@ -27,15 +27,15 @@ from .plots import comparable, draw, facets
 from .tables import cost_table, error_tables, printed_claim, printed_equal, printed_references
 
 MOST_WITHOUT = 100  # cells without an image that are listed one by one
-MANY_CELLS = 60  # more, and the tables of all cells move to the appendix
+MANY_CELLS = 60  # with more, the tables of all cells move to the appendix
 MOST_SWEPT = 12  # places of one sweep that are plotted
-MANY_PLACES = 4  # more, and plots of single places move to the appendix
+MANY_PLACES = 4  # with more, plots of single places move to the appendix
 PLUG_IN = "defined by a plug-in"
 Titled = tuple[Figure, str]
 
 
 def write_report(folder: Path) -> Path:
-    """Writes report.pdf into a folder of results, whole or not at all, and returns its path."""
+    """Write report.pdf into a folder of results, whole or not at all, and return its path."""
     results = Results(folder)
     results.disk.own("report.pdf")
     report = Report.of(results)
@@ -83,7 +83,7 @@ def write_report(folder: Path) -> Path:
 
 
 def _images(report: Report, press: Press) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
-    """The figure of the answer; and of each group the whole images and, unless it is the answer's, crops."""
+    """The figure of the answer; and for each group the whole images and, unless the answer shows them, crops."""
     metric = report.metrics[0] if report.metrics else None
     answer = report.answer if metric else None
     first, found = None, []
@@ -102,10 +102,11 @@ def _images(report: Report, press: Press) -> tuple[dict[str, Any] | None, list[d
 
 
 def _plots(report: Report, press: Press) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The study's first metric, and costs, over what the study sweeps first, and the metric over each parameter that it
-    sweeps; and at each place all figures of the metric.
+    """(plots of the report, plots of the appendix).
 
-    Second, for the appendix, those of many places. Along a swept parameter the first of many places stands for all.
+    The study's first metric and costs over its first sweep, the metric over each swept parameter, and all figures of
+    the metric at each place. If there are many places, their plots move to the appendix; for a swept parameter only
+    those of the first place are shown.
     """
     if not report.metrics:
         return [], []
@@ -119,14 +120,14 @@ def _plots(report: Report, press: Press) -> tuple[list[dict[str, Any]], list[dic
         singles, means = ([p for p in places if (len(p.lights) > 1) == is_mean] for is_mean in (False, True))
         places, later = (means, singles) if 0 < len(means) <= MANY_PLACES else (places[:1], places[1:])
     parameters = [each for each in report.axes.values() if each.kind and each.n_values >= FEWEST and each is not first]
-    # One figure after the other: many at once take a GB.
+    # One figure after the other: many at once need a GB.
     swept = (each for axis in (first, *parameters) for each in _over_axis(report, axis))
     shown = chain(swept, _at(report, places, of))
     return _printed(shown, press), _printed(_at(report, later), press)
 
 
 def _over_axis(report: Report, axis: Sweep) -> Iterator[Titled]:
-    """Convergence over what is swept, other than samples; of an option, which changes costs, with these."""
+    """Convergence over a sweep other than samples; for an option, which changes costs, also the costs."""
     places, metric = report.places(axis) if axis.name != SAMPLES else [], report.metrics[0]
     left = f", the last of {MOST_SWEPT} of {len(places)} conditions of the study" if len(places) > MOST_SWEPT else ""
     for i, place in enumerate(places[:MOST_SWEPT], 1):
@@ -142,7 +143,7 @@ def _over_axis(report: Report, axis: Sweep) -> Iterator[Titled]:
 
 
 def _at(report: Report, places: Sequence[Place], of: str = "") -> Iterator[Titled]:
-    """All figures of a metric at each place, side by side; convergence over anything but samples stands above."""
+    """All figures of a metric at each place, side by side, except convergence over other sweeps than samples."""
     for place in places:
         is_above = place.sweep.name != SAMPLES
         names = [name for name in FIGURES.names() if not (is_above and name == "convergence")]
@@ -154,7 +155,7 @@ def _at(report: Report, places: Sequence[Place], of: str = "") -> Iterator[Title
 
 
 def _data(name: str, report: Report, **given: Any) -> Panels:
-    """What a figure shows, where it is one of reports that is asked for no more than this."""
+    """The panels of a figure; none if it is not shown in reports, or needs other options."""
     figure = FIGURES.get(name)()
     return figure.data(report, **given) if figure.in_reports and set(figure.options) <= set(given) else Panels()
 
@@ -164,7 +165,7 @@ def _printed(figures: Iterable[Titled], press: Press) -> list[dict[str, Any]]:
 
 
 def _equal(report: Report) -> list[dict[str, Any]]:
-    """Tables of equal time and equal error of each place, where two lines can be compared; of many places the means."""
+    """Tables of equal time and equal error of each place with two comparable lines; of many places, the means."""
     found = [each for each in report.equal if each.metric == next(iter(report.metrics), None)]
     if len(report.places(report.axes[SAMPLES])) > MOST_SWEPT:
         found = [each for each in found if len(each.place.lights) > 1] or found
@@ -172,12 +173,12 @@ def _equal(report: Report) -> list[dict[str, Any]]:
 
 
 def _bibliography(report: Report, press: Press) -> str | None:
-    """The file of the works cited; None where there are none."""
+    """The file of the cited works; None if there are none."""
     return press.add("\n".join(c.bibtex for c in report.citations).encode(), "bib") if report.citations else None
 
 
 def _methods(methods: Sequence[MethodText], press: Press) -> list[dict[str, Any]]:
-    """Methods in words; an equation that cannot be set is printed as it was written."""
+    """Descriptions of methods; an equation that typst cannot set is printed as plain text."""
     return [each._asdict() | {"is_set": press.is_equation(each.equation)} for each in methods]
 
 

@@ -1,4 +1,4 @@
-"""Plots for print: panels side by side with one key, by matplotlib."""
+"""Plots for print: panels side by side with one legend, by matplotlib."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -19,14 +19,14 @@ from ..model.selection import evenly
 from ..style import COLOURS, DASHES, INK, MARKERS, PAPER, RC, number, style, tick
 
 MOST_FACETS = 4
-MOST_LINES = 40  # of a plot: more, and the key takes the page
-WIDTH = 6.53  # inches of text across a page
+MOST_LINES = 40  # of a plot; the legend of more lines would fill the page
+WIDTH = 6.53  # width of the text on a page [inches]
 SMALL = {**RC, "font.size": 7.5, "lines.linewidth": 1.1, "lines.markersize": 4}
 FRONT: dict[str, Any] = {"color": INK, "lw": 0.8, "ls": (0, (3, 2))}
 
 
 def facets(panels: Sequence[Panel]) -> list[Panel]:
-    """A panel for each part of the lines, where there are so many lines that there is more than one part."""
+    """A panel for each part of the lines, if there are so many lines that they are divided."""
     found = []
     for panel in panels:
         parts = sorted({line.label.facet for line in panel.lines if line.label.facet is not None})
@@ -38,7 +38,7 @@ def facets(panels: Sequence[Panel]) -> list[Panel]:
 
 
 def comparable(panels: Sequence[Panel]) -> list[Panel]:
-    """Those that compare two lines, or show the only one: on paper a cost of nothing has no place."""
+    """The panels that compare two lines, or show the only line. Print does not show costs of zero."""
 
     def n_costing(panel: Panel) -> int:
         costing = (line.is_seen(panel.x, panel.y) & (line.x >= panel.x.negligible) for line in panel.lines)
@@ -49,9 +49,11 @@ def comparable(panels: Sequence[Panel]) -> list[Panel]:
 
 @style(SMALL)
 def draw(panels: Sequence[Panel]) -> Figure:
-    """Panels side by side: shaded what the reference cannot resolve, dashed the Pareto front, a band of confidence
-    where points are means over lights, a thin bar what its noise leaves open. The key has all lines, with their
-    slopes; of very many lines some, evenly.
+    """Panels side by side.
+
+    Shaded: errors that the reference cannot resolve. Dashed: the Pareto front. Band: confidence interval of means over
+    lights. Thin bar: 95 % interval from the noise of the reference. The legend has all lines with their slopes; of very
+    many lines, some at even distances.
     """
     every = {line.label.index: line for panel in reversed(panels) for line in reversed(panel.lines)}
     kept = {line.label.index for line in evenly([every[index] for index in sorted(every)], MOST_LINES)}
@@ -138,12 +140,12 @@ def _draw(ax: Axes, panel: Panel) -> None:
     if panel.x.is_log:
         ax.xaxis.set_major_locator(FixedLocator(_apart(values) if panel.x.at_values else _ticks(values)))
         ax.xaxis.set_minor_locator(NullLocator())
-        if values and values[-1] < 1.05 * values[0]:  # one cost for all
+        if values and values[-1] < 1.05 * values[0]:  # all have the same cost
             ax.set_xlim(values[0] / 2, values[-1] * 2)
 
 
 def _draw_front(ax: Axes, panel: Panel) -> None:
-    """Stairs through the points that no other beats in both cost and error."""
+    """Stairs through the points of the Pareto front."""
     points = sorted(
         (x, y)
         for line, mask in zip(panel.lines, panel.fronts, strict=bool(panel.fronts))
@@ -156,7 +158,7 @@ def _draw_front(ax: Axes, panel: Panel) -> None:
 
 
 def _explained(panels: Sequence[Panel], left_out: int) -> list[Artist]:
-    """What the key says beside the lines."""
+    """The entries of the legend besides the lines."""
     found: list[Artist] = []
     first = panels[0]
     if first.y.is_log and first.y.floor > 0:
@@ -174,7 +176,7 @@ def _explained(panels: Sequence[Panel], left_out: int) -> list[Artist]:
 
 
 def _thinned(panel: Panel, kept: Iterable[int]) -> Panel:
-    """With these lines alone; the front stays that of all."""
+    """The panel with only these lines; the Pareto front stays that of all lines."""
     here = [i for i, line in enumerate(panel.lines) if line.label.index in kept]
     if len(here) == len(panel.lines):
         return panel
@@ -215,7 +217,7 @@ def _scale(ax: Axes, side: str, axis: Axis, values: Sequence[np.ndarray]) -> Non
     (ax.set_yscale if side == "y" else ax.set_xscale)("log")
     seen = [float(v) for each in values for v in each[axis.shows(each)]] or [1.0]
     floor = axis.floor
-    # A floor far below every dot would squeeze the dots: then the key alone tells where it is.
+    # A floor far below every dot would squeeze the dots; then only the legend states it.
     shown = floor > min(seen) / 30
     low, high = min([*seen, floor] if shown else seen) / 1.6, max([*seen, floor] if shown else seen) * 1.6
     if shown:
@@ -232,7 +234,7 @@ def _tick(value: float, _: int | None = None) -> str:
 
 
 def _ticks(values: Sequence[float]) -> list[float]:
-    """Round numbers between the ends of values, at least three of them; else the ends."""
+    """Round numbers between the lowest and highest value, if there are at least three; otherwise these two values."""
     if not values:
         return []
     low, high = values[0], values[-1]
@@ -250,7 +252,7 @@ def _locator(values: Sequence[float]) -> LogLocator:
 
 
 def _apart(values: Sequence[float], share: float = 0.12) -> list[float]:
-    """Values, but none nearer to the one before it than a share of the log axis, as their labels would touch."""
+    """The values without those so near to the one before, by a share of the log axis, that labels would touch."""
     gap = (values[-1] / values[0]) ** share if values else 1.0
     kept = list(values[:1])
     for value in values[1:]:

@@ -119,18 +119,18 @@ def test_a_material_is_made_by_name_and_its_nearest_name_is_offered(shared_data,
 
 LINE = "chrome = Aggregate(Lambertian(albedo = [0.1, 0.1, 0.1]), NganWard(albedo = [0.1, 0.1, 0.1], roughness = 0.1))\n"
 WRONG = {
-    "nothing": ("", "no table of fits: it is empty"),
-    "comments alone": ("# fits\n", "no table of fits: it is empty"),
-    "a line cut off": (LINE + LINE[:70], "x.fit:2: no ward fit: 'chrome = Aggregate"),
-    "code": ("chrome = __import__('os')\n", "x.fit:1: no ward fit"),
-    "another model": (LINE.replace("NganWard", "NganPhong"), "x.fit:1: no ward fit"),
+    "nothing": ("", "not a table of fits: it is empty"),
+    "comments alone": ("# fits\n", "not a table of fits: it is empty"),
+    "a line cut off": (LINE + LINE[:70], "x.fit:2: not a fit of ward: 'chrome = Aggregate"),
+    "code": ("chrome = __import__('os')\n", "x.fit:1: not a fit of ward"),
+    "another model": (LINE.replace("NganWard", "NganPhong"), "x.fit:1: not a fit of ward"),
     "a width above 1": (LINE.replace("roughness = 0.1", "roughness = 1.5"), "ward.m"),
-    "NaN": (LINE.replace("roughness = 0.1", "roughness = nan"), "no ward fit"),
+    "NaN": (LINE.replace("roughness = 0.1", "roughness = nan"), "not a fit of ward"),
 }
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_files_that_are_none_are_refused(tmp_path, name):
+def test_invalid_files_are_refused(tmp_path, name):
     content, message = WRONG[name]
     path = tmp_path / "x.fit"
     path.write_text(content)
@@ -143,7 +143,7 @@ def test_bytes_are_refused(tmp_path):
     path = tmp_path / "x.fit"
     path.write_bytes(bytes(range(256)))
 
-    with pytest.raises(InputError, match="no table of fits: holds more than plain text"):
+    with pytest.raises(InputError, match="not a table of fits: it holds more than plain text"):
         fits(path, "ward")
 
 
@@ -200,8 +200,8 @@ def test_a_table_may_hold_several_models_with_numbers_in_any_order(own):
     assert (tin.m, tin.f0, tin.kd) == ((0.3, 0.3), (0.5,) * 3, (0.0, 2.5e-05, 0.0))
 
 
-def test_a_model_that_is_asked_for_is_that_of_every_line(own):
-    with pytest.raises(InputError, match=r"own\.fit:4: no ward_duer fit, but one of cook_torrance$"):
+def test_a_stated_model_is_that_of_every_line(own):
+    with pytest.raises(InputError, match=r"own\.fit:4: not a fit of ward_duer: it is a fit of cook_torrance$"):
         fits(own, "ward_duer")
 
 
@@ -221,7 +221,7 @@ def test_the_key_is_of_the_fit_and_not_of_the_files_name(own, tmp_path):
 def test_models_that_are_not_here_are_refused_by_name(own, model):
     own.write_text(OWN.replace("NganWardDuer", model))
 
-    with pytest.raises(InputError, match=rf"own\.fit:3: no fit: {model} is a model that is not here; here are Ngan"):
+    with pytest.raises(InputError, match=rf"own\.fit:3: not a fit: unknown model {model}; known: Ngan"):
         fits(own)
 
 
@@ -234,7 +234,7 @@ def test_models_that_are_not_here_are_refused_by_name(own, model):
         ("roughness = 0.25", "roughness = 1.2.3", "own.fit:3: "),
     ],
 )
-def test_lines_that_are_no_fit_are_named(own, old, new, message):
+def test_lines_that_are_not_a_fit_are_named(own, old, new, message):
     own.write_text(OWN.replace(old, new))
 
     with pytest.raises(InputError, match=re.escape(message)):

@@ -205,7 +205,7 @@ def test_a_study_takes_the_name_and_its_options(probe, tmp_path):
         ("grace_cros", "unknown light 'grace_cros'; did you mean 'grace_cross'?"),
     ],
 )
-def test_a_name_that_is_no_light_says_what_it_is(tmp_path, name, message):
+def test_a_name_that_is_not_a_light_says_what_it_is(tmp_path, name, message):
     text = f"title: T\nlight: {name}\nmaterial: ggx\nview: sphere\nmethods: importance_sampling\n"
     (tmp_path / "s.yaml").write_text(text)
 
@@ -297,7 +297,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir() if path.name != ".lock")
 
 
-def test_a_file_comes_whole_with_its_progress(server, tmp_path):
+def test_a_file_is_downloaded_whole_with_its_progress(server, tmp_path):
     told = []
 
     path = brought(server, tmp_path / "new" / "file.bin", progress=told.append)
@@ -307,11 +307,11 @@ def test_a_file_comes_whole_with_its_progress(server, tmp_path):
     assert (told[0], told[-1], told) == (0, len(CONTENT), sorted(told))
 
 
-def test_a_server_that_sends_next_to_nothing_is_given_up(server, tmp_path, monkeypatch):
+def test_a_download_that_is_too_slow_is_stopped(server, tmp_path, monkeypatch):
     monkeypatch.setattr(download, "PATIENCE", 0.2)
     server.slow = 1000
 
-    with pytest.raises(InputError, match=r"is given up: it sent \d+ bytes in 0 s, and the file has 300000; the same "):
+    with pytest.raises(InputError, match=r"is too slow: it sent \d+ bytes in 0 s, and the file has 300000; the same "):
         brought(server, tmp_path / "file.bin")
     have = (tmp_path / "file.bin.part").stat().st_size
     server.slow = 0
@@ -330,7 +330,7 @@ def test_a_slow_moment_of_a_server_is_waited_for(server, tmp_path, monkeypatch):
     assert brought(server, tmp_path / "file.bin").read_bytes() == CONTENT
 
 
-def test_a_file_that_is_there_asks_nobody(server, tmp_path):
+def test_a_file_that_exists_is_not_downloaded(server, tmp_path):
     (tmp_path / "file.bin").write_bytes(CONTENT)
 
     brought(server, tmp_path / "file.bin")
@@ -338,7 +338,7 @@ def test_a_file_that_is_there_asks_nobody(server, tmp_path):
     assert server.requests == []
 
 
-def test_a_broken_download_goes_on_where_it_stopped(server, tmp_path):
+def test_a_broken_download_continues_where_it_stopped(server, tmp_path):
     server.cut = 25 * download.BLOCK
     with pytest.raises(InputError, match=r"^127.0.0.1:\d+ broke off after 102400 of 300000 bytes; the same command"):
         brought(server, tmp_path / "file.bin")
@@ -373,7 +373,7 @@ def test_a_part_that_is_complete_is_only_verified(server, tmp_path):
     assert names(tmp_path) == ["file.bin"]
 
 
-def test_a_server_that_ignores_ranges_starts_anew(server, tmp_path):
+def test_a_download_from_a_server_that_ignores_ranges_starts_again(server, tmp_path):
     (tmp_path / "file.bin.part").write_bytes(CONTENT[:100])
     server.ranges = False
 
@@ -396,14 +396,14 @@ def test_a_whole_file_appended_to_a_part_would_be_noticed(server, tmp_path, monk
 
     monkeypatch.setattr(download.requests, "get", get)
 
-    with pytest.raises(InputError, match="its sha256 is another"):
+    with pytest.raises(InputError, match="its sha256 differs"):
         brought(server, tmp_path / "file.bin")
 
 
 def test_other_bytes_are_thrown_away_and_said_so(server, tmp_path):
     server.content = CONTENT[::-1]
 
-    with pytest.raises(InputError, match=r"file.bin is not the file of the catalogue: its sha256 is another; nothing"):
+    with pytest.raises(InputError, match=r"file.bin is not the file of the catalogue: its sha256 differs; nothing"):
         brought(server, tmp_path / "file.bin")
 
     assert names(tmp_path) == []
@@ -411,7 +411,7 @@ def test_other_bytes_are_thrown_away_and_said_so(server, tmp_path):
 
 def test_a_part_of_another_file_is_thrown_away_and_the_next_try_succeeds(server, tmp_path):
     (tmp_path / "file.bin.part").write_bytes(b"other" * 100)
-    with pytest.raises(InputError, match="its sha256 is another"):
+    with pytest.raises(InputError, match="its sha256 differs"):
         brought(server, tmp_path / "file.bin")
 
     brought(server, tmp_path / "file.bin")
@@ -419,7 +419,7 @@ def test_a_part_of_another_file_is_thrown_away_and_the_next_try_succeeds(server,
     assert server.requests == ["bytes=500-", None]
 
 
-def test_a_part_longer_than_the_server_s_file_starts_anew(server, tmp_path):
+def test_a_part_longer_than_the_server_s_file_starts_again(server, tmp_path):
     (tmp_path / "file.bin.part").write_bytes(CONTENT[:5000])
     server.content = CONTENT[:4000]
 
@@ -432,7 +432,7 @@ def test_a_part_longer_than_the_server_s_file_starts_anew(server, tmp_path):
 def test_no_more_is_taken_than_the_catalogue_says(server, tmp_path):
     server.content = CONTENT * 10
 
-    with pytest.raises(InputError, match="its sha256 is another"):
+    with pytest.raises(InputError, match="its sha256 differs"):
         brought(server, tmp_path / "file.bin")
 
     assert names(tmp_path) == []
@@ -466,7 +466,7 @@ def test_a_refused_connection_is_one_line_with_a_way_out(tmp_path):
     assert names(tmp_path) == []
 
 
-def test_a_server_that_does_not_answer_is_given_up(server, tmp_path, monkeypatch):
+def test_a_download_from_a_server_that_does_not_answer_is_stopped(server, tmp_path, monkeypatch):
     monkeypatch.setattr(download, "TIMEOUT", (1.0, 0.05))
     server.gate.clear()
 
@@ -498,7 +498,7 @@ def test_two_at_once_fetch_once(server, tmp_path):
     assert names(tmp_path) == ["file.bin"]
 
 
-def test_an_entry_is_fetched_into_the_cache_and_told(server, cache, monkeypatch, caplog):
+def test_an_entry_is_fetched_into_the_cache_and_reported(server, cache, monkeypatch, caplog):
     stated = replace(entry("teapot"), url=server.url, sha256=hashlib.sha256(CONTENT).hexdigest(), bytes=len(CONTENT))
     monkeypatch.setattr(catalog, "entries", lambda kind=None: [stated])
 

@@ -95,7 +95,7 @@ def test_results_are_offered_as_folders():
     assert completion.results("") == ["results/tiny"]
 
 
-def test_importing_glossbench_imports_torch_only_when_a_name_is_asked_for():
+def test_importing_glossbench_imports_torch_only_when_a_name_is_used():
     code = "import sys, glossbench as gb\nprint('torch' in sys.modules)\nsys.modules['torch'] = None\n" \
         "try: gb.Method\nexcept ModuleNotFoundError as error: print(error.name)"  # fmt: skip
 

@@ -78,7 +78,7 @@ def test_what_an_encoding_lacks_is_spelled_out(encoding, text, shown, monkeypatc
     assert stream.buffer.getvalue().decode(encoding) == shown + "\n"
 
 
-def test_a_reader_that_is_gone_ends_the_printing_and_not_the_work():
+def test_a_closed_pipe_ends_the_printing_and_not_the_work():
     read, write = os.pipe()
     os.close(read)
     with open(write, "w", encoding="utf-8") as stream:

@@ -32,7 +32,7 @@ def test_light_says_what_it_understood(call):
     assert said["read as"] == "lat_long, 16 x 8 pixels"
     assert said["cube map"] == "6 faces of 4 x 4 texels"
     assert said["mean radiance"] == "2 2 2"
-    assert said["peak luminance"] == "2, of a pixel 2"
+    assert said["peak luminance"] == "2 (brightest pixel of the file: 2)"
     assert said["dynamic range"] == "1 : 1"
     assert said["brightest 0.1 %"] == "0.1 % of the energy"
     for side in ("up", "right", "forward"):
@@ -105,9 +105,9 @@ def test_a_written_light_is_read_by_what_it_says_of_itself(call):
     [
         (["-o", "out.png"], "out.png: the extension must be .exr, got '.png'"),
         (["-o", "gone/out.exr"], "gone/out.exr: cannot be written: No such file or directory"),
-        (["-o", "folder.exr"], "folder.exr: must be a file to write, is a folder"),
+        (["-o", "folder.exr"], "folder.exr: must be a file, but is a folder"),
         (["-o", "out.exr", "--as", "octahedron"], "unknown projection 'octahedron'; did you mean 'octahedral'?"),
-        (["-o", "out.exr", "--as-axes", "pbrt", "--as", "strip"], "axes 'pbrt' say nothing of the projection strip"),
+        (["-o", "out.exr", "--as-axes", "pbrt", "--as", "strip"], "axes 'pbrt' do not apply to the projection strip"),
     ],
 )  # fmt: skip
 def test_a_light_that_cannot_be_written_is_refused_before_it_is_made(call, monkeypatch, options, message):
@@ -131,7 +131,7 @@ def test_light_takes_the_layer_that_is_named_and_says_what_it_chose(call):
         next(line for line in run.out.splitlines() if line.startswith("mean")).split()[2] for run in (of_itself, named)
     ]
     assert mean == ["2", "1"]
-    assert "probe.exr: the layer Combined is read, of AO, Combined" in of_itself.out
+    assert "probe.exr: the layer Combined is read, one of AO, Combined" in of_itself.out
     assert "is read" not in named.out
 
 

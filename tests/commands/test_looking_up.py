@@ -175,7 +175,7 @@ def test_info_of_a_metric_says_its_formula_and_unit(call):
         ({}, "any"),
     ],
 )
-def test_bounds_are_said_in_full(rule, said):
+def test_bounds_are_stated_in_full(rule, said):
     assert words_of_schema(rule) == said
 
 

@@ -1,4 +1,4 @@
-"""The document on studies does what it says: each of its parts is read, and makes what is written beside it."""
+"""The document on studies is right: each of its parts is read, and makes what the document states."""
 
 import re
 from pathlib import Path

@@ -239,7 +239,7 @@ def test_the_border_check_notices(fault):
 
 
 @pytest.mark.parametrize("width", [1, 2])
-def test_beyond_a_corner_stands_the_mean_of_the_three_texels_that_meet_there(width):
+def test_beyond_a_corner_is_the_mean_of_the_three_texels_that_meet_there(width):
     resolution = 4
     directions = stack(texel_directions(resolution))
     values = torch.rand(6, resolution, resolution, 3, generator=torch.Generator().manual_seed(0))
@@ -308,7 +308,7 @@ def check_irradiance(irradiance_of, normals):
 
     irradiance = irradiance_of(CubeMap(lobe.contiguous()), vec3(torch.tensor(normals).float()))
 
-    # Measured 1.7e-4 at 32 texels an edge, of at most 2 pi / 3: a texel's centre stands for the texel.
+    # Measured 1.7e-4 at 32 texels per edge, of at most 2 pi / 3: a texel's centre represents the texel.
     np.testing.assert_allclose(irradiance.numpy(), expected, atol=5e-4)
 
 

@@ -112,7 +112,7 @@ def check_gradient(level, resolution, mip_filter):
 
 
 @pytest.mark.parametrize("mip_filter", FILTERS)
-def test_a_gradient_stays_linear_but_for_the_curvature_of_the_sphere(mip_filter):
+def test_a_gradient_stays_linear_except_for_the_curvature_of_the_sphere(mip_filter):
     level = build_pyramid(gb.light("gradient", resolution=64), mip_filter).level(1)
 
     check_gradient(level, 64, mip_filter)
@@ -148,7 +148,7 @@ def test_levels_keep_the_mean_radiance_of_a_gradient(mip_filter):
 
 @pytest.mark.parametrize("mip_filter", FILTERS)
 @pytest.mark.parametrize("seed", range(4))
-def test_levels_keep_the_mean_radiance_of_spots_as_far_as_texels_count_alike(mip_filter, seed):
+def test_levels_keep_the_mean_radiance_of_spots_as_far_as_texels_have_equal_weights(mip_filter, seed):
     light = gb.light("spots", resolution=64, seed=seed)
 
     of_levels = drifts(light, mip_filter)
@@ -241,7 +241,7 @@ def padded(faces):
             (np.s_[1:-1, 0], -right, np.s_[:, 0]),
             (np.s_[1:-1, -1], right, np.s_[:, -1]),
         ):
-            # Mirrored in the plane between the two faces, a texel beside the edge is the one across it.
+            # Mirrored in the plane between the two faces, a texel next to the edge is the one across it.
             across = d[face][inside] - (d[face][inside] @ (normal - side))[:, None] * (normal - side)
             out[face][index] = colors[(across @ flat.T).argmax(1)]
         for i in (0, -1):

@@ -91,7 +91,7 @@ def test_a_noise_twice_too_small_makes_too_many_false():
 
 
 def test_equal_methods_are_rarely_equal_for_certain_under_such_noise():
-    """The margin of 1 % is less than the interval: nothing is claimed of what the reference does not tell."""
+    """The margin of 1 % is less than the interval: no verdict is reached that the reference cannot support."""
     assert verdicts(simulated(200)).count(EQUAL) == 0
 
 

@@ -15,7 +15,7 @@ def test_shading_time_is_shown_in_milliseconds():
     assert (column.heading, column.scale, column.role) == ("shading time [ms]", 1e3, "cost")
 
 
-def test_one_number_of_a_dict_has_a_column_of_its_own():
+def test_one_number_of_a_dict_has_a_separate_column():
     part = COLUMNS["update_seconds"].part("light")
     assert (part.name, part.type, part.unit) == ("update_seconds.light", float, "ms")
 

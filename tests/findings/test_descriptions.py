@@ -57,6 +57,6 @@ def test_descriptions_come_back_from_json_as_they_were(descriptions):
 
 
 @pytest.mark.parametrize("stated", [None, [], {}, {"described": [3], "references": {}}, {"described": [{}]}])
-def test_what_holds_no_descriptions_is_refused(stated):
+def test_a_file_without_descriptions_is_refused(stated):
     with pytest.raises(InputError, match=r"described\.json does not hold descriptions"):
         Descriptions.of_dict(stated)

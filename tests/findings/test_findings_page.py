@@ -66,12 +66,12 @@ def test_a_number_without_noise_shows_no_interval():
     assert "| rms of a over b: 17 |" in page
 
 
-def test_a_number_that_is_not_finite_is_left_out_and_an_unknown_interval_is_marked():
+def test_numbers_that_are_not_finite_are_counted_and_an_unknown_interval_is_marked():
     cases = [case(None, None, None), case(0.5, None, None)]
 
     page = findings_page([summary(claims=[claim(numbers=cases), claim(numbers=cases[:1])])])
 
-    assert "| rms of a over b: 0.5 [?, ?] |" in page
+    assert "| rms of a over b: 0.5 [?, ?]; not finite in 1 of 2 cases |" in page
     assert "| rms of a over b: infinite |" in page
 
 
@@ -116,7 +116,7 @@ def test_a_folder_that_lacks_a_file_is_named(tmp_path):
     summary().write(tmp_path)
     (tmp_path / "claims.json").unlink()
 
-    with pytest.raises(InputError, match=r"holds no summary: there is no claims\.json in it"):
+    with pytest.raises(InputError, match=r"holds no summary: claims\.json is missing"):
         Summary.read(tmp_path)
 
 

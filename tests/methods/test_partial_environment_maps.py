@@ -230,7 +230,7 @@ def check_finer(monkeypatch):
     np.testing.assert_allclose([of_coarser.level(s) for s in EXPONENTS], expected, rtol=0, atol=0.05)
 
 
-def test_a_cube_that_is_finer_than_any_calibrated_one_has_levels_of_its_own(monkeypatch):
+def test_a_cube_that_is_finer_than_any_calibrated_one_has_its_own_levels(monkeypatch):
     check_finer(monkeypatch)
 
 

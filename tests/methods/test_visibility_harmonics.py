@@ -203,7 +203,7 @@ def method(**options):
     return gb.method("filtered_importance_sampling", visibility="spherical_harmonics", **options)
 
 
-def test_of_a_constant_sky_half_is_seen():
+def test_half_of_a_constant_sky_is_visible():
     light, material = gb.light("constant", radiance=2.0, resolution=8), gb.material("kurt", ks=0.0, kd=(0.8, 0.5, 0.2))
     options = {"visibility_samples": 4096, "visibility_directions": "uniform", "visibility_smoothing": 0.0}
 

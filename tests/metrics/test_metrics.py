@@ -26,7 +26,7 @@ BY_HAND = {
     "mean_relative_error": (1 / 1 + 2 / 3) / 6,
     "max_error": 2.0,
     "mrse": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,
-    "mrse_trimmed": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,  # a thousandth of two pixels is none
+    "mrse_trimmed": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,  # a thousandth of two pixels is zero pixels
     "smape": (2 / 3 + 4 / 4 + 4 / 2) / 6,
 }
 ON_A_DISPLAY = {"flip", "ssim"}
@@ -263,7 +263,7 @@ FROM_MAP = {
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_number_is_told_by_the_map(name):
+def test_the_map_determines_the_number(name):
     picture, truth = noisy_pair()
     metric = gb.metric(name)
 

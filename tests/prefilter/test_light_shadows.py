@@ -70,7 +70,7 @@ def maps_of(mesh, resolution=256, distance=0.0, bleeding=0.0):
     return variance_shadow_maps(mesh, LIGHTS, SMALL, resolution, distance, bleeding)
 
 
-# Half planes of texels: bilinear moments blur over a texel to each side, the disc's edge slants by up to 1 / cos.
+# Half planes of texels: bilinear moments blur over one texel on each side, the disc's edge slants by up to 1 / cos.
 TEXEL = 2 * 1.5 / 256 * 1.5
 
 
@@ -182,7 +182,7 @@ def test_light_bleeding_darkens_what_is_below_it_and_leaves_what_is_lit():
     assert ((plain > 0.01) & (plain < 0.25)).float().mean() > 0.02
 
 
-def test_a_ball_lies_in_no_shadow_where_it_faces_the_light():
+def test_a_ball_is_not_in_shadow_where_it_faces_the_light():
     ball = trimesh.creation.icosphere(5)
     mesh = make_mesh(ball.vertices, ball.faces)
     points = points_at(mesh.vertices)
@@ -212,7 +212,7 @@ def test_on_a_scene_that_hides_nothing_all_is_visible(visibility):
 
 
 @pytest.mark.parametrize("method", ["partial_environment_maps", "many_lights"])
-def test_an_occluder_that_is_no_mesh_has_no_shadow_maps_but_rays(method):
+def test_an_occluder_that_is_not_a_mesh_has_rays_but_no_shadow_maps(method):
     material = gb.material("phong", s=20)
 
     reason = gb.method(method, visibility="shadow_maps").supports(material, HidesAll())

@@ -136,7 +136,7 @@ def check_front(lines, masks):
         assert is_on == (not any(other[0] <= point[0] and other[1] <= point[1] for other in others))
 
 
-def test_at_the_noise_floor_a_lower_number_is_no_better():
+def test_at_the_noise_floor_a_lower_number_is_not_better():
     cheap, costly = line("cheap", 0, [1], [0.019], [True]), line("costly", 1, [5], [0.01], [True])
 
     masks = front([cheap, costly], "shade", Axis("rms", floor=0.02))
@@ -227,7 +227,7 @@ def test_two_lines_of_one_budget_meet_at_the_first_round_time_after_both():
 
 
 def test_a_line_between_the_columns_is_there_and_keeps_others_from_being_the_best():
-    """31 to 39 ms: between 30 and 40; from there on the sole point is the lowest of those that have a number."""
+    """31 to 39 ms: between 30 and 40; from there on the single point is the lowest of those with a number."""
     short, wide = line("short", 0, [31, 39], [0.02, 0.01]), line("wide", 1, [1, 60], [2, 1])
 
     table = error_at_time([short, wide, line("sole", 2, [20], [0.1])], Axis("rms"))
@@ -309,7 +309,7 @@ def over_s(errors, light=0):
 ERRORS = {"box": {1: 0.4, 4: 0.2, 16: 0.1, 64: 0.05}, "none": {1: 0.5, 4: 0.5, 16: 0.5, 64: 0.5}}
 
 
-def test_materials_that_differ_in_one_number_are_one_place_with_a_line_a_method():
+def test_materials_that_differ_in_one_number_are_one_place_with_one_line_per_method():
     check_material(swept(over_s(ERRORS)))
 
 
@@ -350,7 +350,7 @@ def test_over_a_material_lights_have_a_mean():
     assert measured_at(mean, "rms")[0].errors == pytest.approx(2 * np.array([0.4, 0.2, 0.1, 0.05]))
 
 
-def test_options_with_numbers_are_swept_and_the_others_tell_lines():
+def test_options_with_numbers_are_swept_and_the_others_distinguish_lines():
     given = swept([({}, {"regions": n, "storage": kind}, 1 / n) for kind in ("cube", "map") for n in (24, 48, 96)])
 
     (place,) = places(given, "regions")
@@ -397,7 +397,7 @@ def test_what_is_tuned_is_not_swept():
         ({"k": 3}, [{"slope": "few", "over": "j"}], "k"),
     ],
 )
-def test_first_is_what_claims_ask_for_then_samples_then_the_most_values(sizes, claims, first):
+def test_the_first_axis_is_that_of_claims_then_samples_then_that_with_the_most_values(sizes, claims, first):
     grid = [dict(zip(sizes, values, strict=True)) for values in np.ndindex(*sizes.values())]
     given = swept([({}, {key: int(value) + 1 for key, value in each.items()}, 0.1) for each in grid])
 
@@ -448,7 +448,7 @@ def test_a_method_of_one_budget_is_in_every_facet():
     assert all("lookup" in [line.label.name for line in panel.drawn] for panel in panels)
 
 
-def test_a_sole_budget_is_in_the_name_of_a_line_beside_lines_that_are_named_by_their_budgets():
+def test_a_single_budget_is_in_the_name_of_a_line_if_other_lines_are_named_by_their_budgets():
     def named_at(others):
         given = swept([({"method": "fis"}, {"k": k, "samples": n}, 0.1) for k in (1, 2) for n in others])
         given += swept([({"method": "is", "key": f"is {k}"}, {"k": k, "samples": 16}, 0.1) for k in (1, 2)])

@@ -89,7 +89,7 @@ def test_page_print_and_spreadsheet_have_the_columns_that_the_run_declared(folde
     assert Report.of(Results(folder)).results.cells.n_rays[0] == 12345
 
 
-def test_columns_of_errors_counts_and_costs_are_told_by_their_roles(report):
+def test_columns_of_errors_counts_and_costs_are_known_by_their_roles(report):
     def names(quantities):
         return [quantity.head.column for quantity in quantities]
 
@@ -102,7 +102,7 @@ def test_columns_of_errors_counts_and_costs_are_told_by_their_roles(report):
 
 @pytest.fixture
 def speed(monkeypatch):
-    """A figure of somebody else: samples per millisecond over samples."""
+    """A figure of a plug-in: samples per millisecond over samples."""
     monkeypatch.setattr(FIGURES, "_classes", dict(FIGURES._classes))
 
     @FIGURES.register("speed")
@@ -118,7 +118,7 @@ def speed(monkeypatch):
     return Speed
 
 
-def test_a_figure_is_in_page_print_and_a_file_of_its_own(speed, report, tmp_path):
+def test_a_figure_is_in_page_print_and_a_separate_file(speed, report, tmp_path):
     page = plot_data(report)
     printed = [caption for _, caption in pdf._at(report, report.places(report.axes["samples"]))]
     FIGURES.get("speed")().write(report.results, tmp_path / "speed.svg", group=1)
@@ -154,7 +154,7 @@ def test_equal_values_are_stored_once_in_the_page(report):
 LEFT_OUT = [2.0, 2.1, 1.9, 2.2, 1.8]
 
 
-def test_a_number_stands_with_half_its_interval_in_tables_and_with_its_ends_in_plots(folder):
+def test_tables_show_half_the_interval_of_a_number_and_plots_show_its_ends(folder):
     check_interval(Report.of(Results(folder)))
 
 
@@ -204,7 +204,7 @@ def test_reports_print_the_words_of_the_run_and_not_of_what_is_installed(folder)
     assert report.descriptions.is_of_run
 
 
-def test_of_older_results_the_words_are_those_of_what_is_installed_and_it_is_said(folder, monkeypatch):
+def test_older_results_have_the_descriptions_of_installed_methods_with_a_note(folder, monkeypatch):
     monkeypatch.setattr(style, "svg", lambda *_: "")
     monkeypatch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
 

@@ -130,7 +130,7 @@ def test_same_results_give_the_same_bytes(folder, plain):
 
 
 def test_plots_are_lines_and_text(report):
-    plots = next(page for page in pages_of(report) if "light samples a pixel" in page["text"])
+    plots = next(page for page in pages_of(report) if "light samples per pixel" in page["text"])
 
     assert "shading time [ms]" in plots["text"]
     assert re.search("regular_sampling, slope −0.5[01]", plots["text"])  # errors fall as N^-1/2, with noise
@@ -212,12 +212,15 @@ def test_every_registered_method_has_an_equation_that_can_be_set():
         assert not press.is_equation("sum_(i=1 undefined_name")
 
 
-def test_a_method_is_told_by_what_follows_its_formula():
+def test_a_method_is_described_by_the_text_after_its_formula():
     told = {each.name: "".join(run.text for run in each.text[0]) for each in described(REGISTERED.names(), INSTALLED)}
 
     assert told["environment_sampling"].startswith("with ω drawn in proportion to luminance")
     assert told["filtered_importance_sampling"].startswith("ω is drawn by the BRDF's own sampler")
-    assert described(["of_a_plug_in"], INSTALLED)[0].text[0][0].text == "Of a plug-in that is not installed here."
+    assert (
+        described(["of_a_plug_in"], INSTALLED)[0].text[0][0].text
+        == "It belongs to a plug-in that is not installed here."
+    )
 
 
 @pytest.mark.parametrize(
@@ -280,7 +283,7 @@ def test_what_a_study_sweeps_is_plotted_first(imageless, tmp_path):
     assert text.index("rms over s of the material") < text.index("rms over samples and against costs")
 
 
-def test_convergence_is_over_what_it_is_told_and_else_over_what_the_study_sweeps(tmp_path):
+def test_convergence_is_over_the_stated_axis_and_by_default_over_what_the_study_sweeps(tmp_path):
     folder = three_materials(tmp_path / "materials", [1, 4, 64])
 
     for name, options in (("s of the material", {}), ("light samples", {"over": "samples", "group": 2})):
@@ -344,7 +347,7 @@ def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
 
 
 @pytest.mark.parametrize("ending", ["png", "svg"])
-def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path):
+def test_a_figure_has_the_format_of_its_file_name(ending, folder, tmp_path):
     path = tmp_path / f"f.{ending}"
 
     write("convergence", folder, path, group=1)
@@ -362,7 +365,7 @@ def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path
         ("images", {"group": 1}, "a.jpg", "the extension must be .pdf, .svg or .png, got '.jpg'"),
         ("images", {}, "a.pdf", r"which light, material and view\? --group must be one of 1: spots, kurt"),
         ("images", {"group": 3}, "a.pdf", "--group must be one of 1: .*; 2: .*, got 3"),
-        ("convergence", {"group": 1, "over": "s"}, "a.pdf", "sweeps no 's': --over must be one of samples$"),
+        ("convergence", {"group": 1, "over": "s"}, "a.pdf", "does not sweep 's': --over must be one of samples$"),
         ("costs", {"group": 1, "metric": "rns"}, "a.pdf", "has no metric 'rns'; did you mean 'rms'?"),
         ("crops", {"group": 1, "crop": [(60, 0, 5, 5)]}, "a.pdf", "must lie within 64 x 64 pixels, got 60,0,5,5"),
     ],
@@ -383,7 +386,7 @@ def test_an_equation_that_cannot_be_set_is_printed_as_it_was_written(folder, pla
     assert "sum_(i=1 #panic(1) with the" in text
 
 
-def test_a_change_that_asks_for_nothing_has_no_column(report):
+def test_a_change_without_update_cost_has_no_column(report):
     text = text_of(report)
 
     assert "Nothing must be redone for a new material." in text
@@ -422,7 +425,7 @@ def pages_of_many(many):
     return pages_of(pdf.write_report(many).read_bytes())
 
 
-def test_of_many_lines_no_page_is_a_heading_alone_and_no_image_is_cut(pages_of_many):
+def test_with_many_lines_no_page_is_a_heading_alone_and_no_image_is_cut(pages_of_many):
     check_filled(pages_of_many)
     check_uncut(pages_of_many)
 
@@ -476,7 +479,7 @@ def test_a_report_of_many_conditions_stays_short(pages_of_many):
     assert text.index("Appendix B: Plots of the other conditions") < text.rindex("against costs")
 
 
-def test_a_sole_method_is_named_once_in_a_key(pages_of_many):
+def test_a_single_method_is_named_once_in_a_key(pages_of_many):
     keys = [page["text"] for page in pages_of_many if "regular_sampling (levels)" in page["text"]]
 
     assert any("shading time [ms]" in text and "l17" in text for text in keys)
@@ -484,7 +487,7 @@ def test_a_sole_method_is_named_once_in_a_key(pages_of_many):
         assert "regular_sampling (levels l" not in text
 
 
-def test_along_a_swept_parameter_one_condition_stands_for_many(imageless, tmp_path, monkeypatch):
+def test_along_a_swept_parameter_one_condition_is_shown_for_many(imageless, tmp_path, monkeypatch):
     monkeypatch.setattr(pdf, "MANY_PLACES", 2)
 
     text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())

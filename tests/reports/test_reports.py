@@ -36,7 +36,7 @@ def page(folder):
     return html.write_report(folder).read_text(encoding="utf-8")
 
 
-def test_report_is_one_file_that_asks_for_nothing_else(page):
+def test_the_report_is_one_file_that_loads_nothing_else(page):
     sources = re.findall(r'(?:src|href)="([^"]{5})', page)
 
     assert {s if s.startswith("data:") else s[0] for s in sources} == {"data:", "#"}
@@ -169,7 +169,7 @@ def test_an_infinite_error_is_the_end_of_the_scale():
     assert np.asarray(shown)[0].tolist() == [0, 254, 254]
 
 
-def test_one_image_far_off_does_not_take_the_colours_of_the_others():
+def test_one_image_of_large_error_does_not_flatten_the_colours_of_the_others():
     small, large = np.full((4, 4), 0.1), np.full((4, 4), 50.0)
 
     assert raster.middle_limit([small, large, 2 * small]) == pytest.approx(0.2)
@@ -267,7 +267,7 @@ def test_skipped_and_failed_cells_are_in_the_table_with_their_reasons(page):
     assert page.count("Traceback (most recent call last):") == 2
 
 
-def test_each_verdict_is_said_in_words(page):
+def test_each_verdict_is_written_in_words(page):
     assert re.findall(r'<span class="badge [\w-]+">. ([\w ]+)</span>', page) == [verdict for _, verdict in CLAIMS]
 
 
@@ -299,7 +299,7 @@ def test_slope_is_fitted_through_resolved_points():
     assert line(2, [False] * 2).slope() is None
 
 
-def test_of_many_cells_each_line_shows_three_budgets_then_one():
+def test_with_many_cells_each_line_shows_three_budgets_then_one():
     cells = [Cell({"method": m, "n_samples": n, "status": "done"}, "", i)
              for i, m in enumerate("abc") for n in range(9)]  # fmt: skip
     group = Group("", {}, cells, {}, {})
@@ -325,7 +325,7 @@ def test_results_without_a_single_image_make_a_report(tmp_path):
 
     assert page.count("Traceback (most recent call last):") == 2
     assert page.count("<img") == page.count('<img class="equation"')
-    assert "No cell was done" in page
+    assert "No cell is done" in page
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def on_canvas(page, pane=0):
     y, x = np.mgrid[:N, :N]
     x0, y0 = (np.floor(corner + 0.5) for corner in (x0, y0))  # images begin at whole pixels of the screen
     column, row = x0 + scale * (x + 0.5), y0 + scale * (y + 0.5)
-    margin = 2  # the border of A and B is drawn over the pixels beside it
+    margin = 2  # the border of A and B is drawn over the neighbouring pixels
     seen = (column > left + margin) & (column < left + width - margin) & (row > top) & (row < top + height)
     # The handle of the border hides a disc, and so does its line.
     handle = page.do(
@@ -456,7 +456,7 @@ def test_without_webgl2_images_are_drawn_all_the_same_and_the_page_says_so(brows
         assert page.complaints() == []
 
 
-def test_zooming_colours_no_image_anew(browser, folder):
+def test_zooming_colours_no_image_again(browser, folder):
     script = """
         const context = CanvasRenderingContext2D.prototype, put = context.putImageData;
         globalThis.coloured = 0;
@@ -485,7 +485,7 @@ def beside(folder, tmp_path, monkeypatch):
     return tmp_path / "large"
 
 
-def test_large_images_are_files_beside_the_page(beside, folder, browser):
+def test_large_images_are_files_next_to_the_page(beside, folder, browser):
     files = sorted((beside / "report_images").iterdir())
 
     with opened(browser, beside) as page:
@@ -506,7 +506,7 @@ def test_a_lost_image_file_is_named(beside, browser):
         page.wait("glossbenchViewer.panes?.every(({image}) => image?.problem)")
 
         problem = page.do("glossbenchViewer.panes[0].image.problem")
-        assert re.fullmatch(r"report_images/\w{20}\.js is missing: keep that folder beside this page", problem)
+        assert re.fullmatch(r"report_images/\w{20}\.js is missing: keep that folder next to this page", problem)
 
 
 def test_image_files_of_an_older_page_are_removed(beside, folder, monkeypatch):

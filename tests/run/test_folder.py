@@ -211,7 +211,7 @@ def full(monkeypatch, ending: str) -> None:
 @pytest.mark.parametrize(
     "ending", ["_standard_error.exr", "_deviates.npz", "_mask.png", "_half_vectors.npy", "cells.parquet"]
 )
-def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_path, ending):
+def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_continues_later(made, tmp_path, ending):
     study, _, expected = made
     with pytest.MonkeyPatch.context() as patch:
         full(patch, ending)
@@ -260,7 +260,7 @@ def read_all(results: Results) -> None:
 
 
 @pytest.mark.parametrize("name", ["study.yaml", "cells.parquet", "provenance.json", "claims.json"])
-def test_a_file_of_somebody_else_stops_the_run_before_it_writes(made, tmp_path, name):
+def test_a_foreign_file_stops_the_run_before_it_writes(made, tmp_path, name):
     home = tmp_path / "home"
     home.mkdir()
     (home / name).write_text("precious")
@@ -335,7 +335,7 @@ def test_a_pipe_among_results_is_refused(folder):
 def test_a_folder_that_may_only_be_read_stops_the_run_and_is_read(made, folder, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
 
-    with pytest.raises(InputError, match=r"r: it may only be read; name another folder by -o$"):
+    with pytest.raises(InputError, match=r"r: it is read-only; choose another folder with -o$"):
         run_study(made[0], folder)
 
     assert len(Results.open(folder).cells) == 3
@@ -349,7 +349,7 @@ def test_a_part_of_a_study_leaves_the_fuller_results(made, folder):
 
     said = said_by(study.only(["flat"]), folder)
 
-    assert said == [f"{folder} keeps what else it has of this study: method regular_sampling"]
+    assert said == [f"{folder} keeps its other results of this study: method regular_sampling"]
     assert remains(folder) == expected
 
 
@@ -391,14 +391,14 @@ def test_results_that_another_study_would_lose_are_not_written_over(folder, tmp_
     before = everything(folder)
     study = study_in(tmp_path, **{**STUDY, "claims": "[]", **change})
 
-    with pytest.raises(InputError, match=rf"that would be lost: .*{lost}.*; name another folder by -o$"):
+    with pytest.raises(InputError, match=rf"that would be lost: .*{lost}.*; choose another folder with -o$"):
         run_study(study, folder)
 
     assert everything(folder) == before
 
 
 def test_results_of_another_seed_are_not_written_over(made, folder):
-    with pytest.raises(InputError, match=r"that would be lost: .*seed 0; name another folder by -o$"):
+    with pytest.raises(InputError, match=r"that would be lost: .*seed 0; choose another folder with -o$"):
         run_study(made[0].with_seed(5), folder)
 
 

@@ -25,7 +25,7 @@ metrics: [mean_error, flip, of_a_plug_in, endless]
 
 
 class OfAPlugIn(Metric):
-    """The mean squared error, which says nothing of its noise."""
+    """The mean squared error, which does not state its noise."""
 
     formula = map_formula = "mean((x - y)^2)"
     unit = "1"
@@ -71,7 +71,7 @@ def test_an_infinite_metric_has_no_noise(row):
 
 
 def test_a_mean_squared_error_loses_the_references_variance(results, row):
-    """Its bias is the square of the noise, of which 8 groups of 2 replicates tell the part between groups."""
+    """Its bias is the square of the noise, of which 8 groups of 2 replicates measure the part between groups."""
     [raw, *left_out] = json.loads(row["left_out"])["of_a_plug_in"]
     key, mask = row["reference_key"], results.mask(row["reference_key"])
     error = results.standard_error(key).astype(float)[mask]

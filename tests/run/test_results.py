@@ -212,7 +212,7 @@ def test_every_name_that_a_file_may_have_is_written(tmp_path, name):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-def test_a_process_that_is_asked_to_end_leaves_no_half_written_file(tmp_path):
+def test_a_terminated_process_leaves_no_half_written_file(tmp_path):
     def write() -> None:
         with replacing(tmp_path / "file") as part:
             part.write_text("half")
@@ -249,7 +249,7 @@ def test_a_file_in_the_way_of_the_folder_is_an_error(tmp_path, path):
 
 
 def test_a_folder_without_results_is_an_error(tmp_path):
-    with pytest.raises(InputError, match=r"holds no results: there is no cells.parquet in it$"):
+    with pytest.raises(InputError, match=r"holds no results: cells.parquet is missing$"):
         Results.open(tmp_path)
 
 

@@ -61,7 +61,7 @@ def test_too_many_faces_are_refused(monkeypatch):
 # What is repaired, and what needs no repair.
 
 
-def test_faces_without_area_are_left_out_and_it_is_said():
+def test_faces_without_area_are_left_out_with_a_note():
     mesh = make_mesh(SQUARE, [*HALVES, [0, 0, 1], [0, 1, 0]])
 
     assert len(mesh.faces) == 2
@@ -82,7 +82,9 @@ def test_faces_that_wind_against_their_neighbours_are_turned():
 
     mesh = make_mesh(vertices, mixed)
 
-    assert mesh.repairs == (f"turned {wrong.sum()} of {len(faces)} faces, which wound against their neighbours",)
+    assert mesh.repairs == (
+        f"turned {wrong.sum()} of {len(faces)} faces, whose winding was opposite to that of their neighbours",
+    )
     right = make_mesh(vertices, faces)
     assert volume(mesh) == pytest.approx(volume(right), rel=1e-12)  # measured 0
     np.testing.assert_allclose(mesh.normals, right.normals, atol=1e-15)  # measured 0
@@ -132,13 +134,13 @@ def test_an_edge_of_three_faces_is_taken_as_it_is():
 
 
 @pytest.mark.parametrize("bad", [NAN, 0.0])
-def test_stated_normals_that_are_none_are_made_anew(bad):
+def test_invalid_normals_of_a_file_are_computed_again(bad):
     normals = np.tile([0.0, 0, 2.0], (4, 1))
     normals[2] = bad
 
     mesh = make_mesh(SQUARE, HALVES, normals)
 
-    assert mesh.repairs == ("made new normals, as the stated ones are not finite or zero",)
+    assert mesh.repairs == ("computed new normals, because the stated ones are zero or not finite",)
     np.testing.assert_array_equal(mesh.normals, np.tile([0.0, 0, 1], (4, 1)))
 
 
@@ -218,7 +220,7 @@ def test_vertices_of_one_place_share_their_normal():
     np.testing.assert_allclose(order(mesh), order(make_mesh(vertices, faces)), atol=1e-15)  # measured 0
 
 
-# Shapes: their normals and tangents against differences of their own vertices.
+# Shapes: their normals and tangents against differences of their vertices.
 
 
 @pytest.mark.parametrize("shape", SHAPES)

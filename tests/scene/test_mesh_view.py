@@ -199,7 +199,7 @@ def test_azimuth_turns_the_camera_to_the_right_and_elevation_lifts_it():
 
     # Measured 6e-17 or less.
     np.testing.assert_allclose(axes[0, 0], np.eye(3), atol=3e-16)
-    np.testing.assert_allclose(axes[90, 0][2], [1, 0, 0], atol=3e-16)  # back to the camera: it stands at +x
+    np.testing.assert_allclose(axes[90, 0][2], [1, 0, 0], atol=3e-16)  # back to the camera, which is at +x
     np.testing.assert_allclose(axes[0, 90][2], [0, 1, 0], atol=3e-16)
     np.testing.assert_allclose(axes[0, 90][1], [0, 0, -1], atol=3e-16)  # from above, up in the image is forward
 

@@ -1,4 +1,4 @@
-"""What plug-ins return beside radiance: what is right is taken, anything else is an error of theirs."""
+"""Return values of plug-ins other than radiance: valid ones are used, any other is an error of the plug-in."""
 
 import numpy as np
 import pytest

@@ -70,7 +70,7 @@ def test_update_cost_is_that_of_the_stages_which_the_change_reaches():
     assert update["view"] == pytest.approx(seconds["frame"])
 
 
-def test_a_stage_is_shared_by_options_that_it_does_not_read_and_by_no_others():
+def test_a_stage_is_shared_between_methods_that_differ_only_in_options_that_it_does_not_read():
     CALLS.clear()
     cache = StageCache()
 
@@ -258,7 +258,7 @@ def test_lod_bias_and_k_together_are_an_error():
         gb.method("filtered_importance_sampling", lod_bias="plain", k=2.0)
 
 
-def test_a_broken_entry_point_is_one_warning_and_the_rest_goes_on(monkeypatch, caplog):
+def test_a_broken_entry_point_is_one_warning_and_the_rest_is_loaded(monkeypatch, caplog):
     class Broken:
         name, dist = "lab", None
 
@@ -283,7 +283,7 @@ def test_face_directions_stay_on_the_device_of_their_coordinates():
 
 
 @pytest.mark.parametrize(("noise", "warned"), [(0.02, True), (0.005, False)])
-def test_a_reference_that_missed_its_noise_target_is_told(noise, warned):
+def test_a_reference_that_missed_its_noise_target_is_reported(noise, warned):
     cells = pandas.DataFrame(
         [{"reference_key": "a", "reference_noise": noise, "reference_target": 0.01, "reference_mean": 2.0}]
     )
@@ -291,4 +291,7 @@ def test_a_reference_that_missed_its_noise_target_is_told(noise, warned):
     with err.capture() as capture:
         warn_of_noise(cells)
 
-    assert ("1 of 1 references did not meet the noise asked for: 1 % of the mean for 0.5 %" in capture.get()) == warned
+    assert (
+        "1 of 1 references stopped at reference.max_samples with noise up to 1 % of the mean; the target was 0.5 %"
+        in capture.get()
+    ) == warned

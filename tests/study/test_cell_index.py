@@ -61,7 +61,7 @@ def test_an_exclusion_fits_where_a_look_at_each_cell_says_so(index, option, want
         ("method", {"a": {"samples": 1}}, 1),
     ],
 )
-def test_an_item_answers_to_its_name_and_options(index, kind, wanted, names):
+def test_an_item_is_found_by_its_name_and_options(index, kind, wanted, names):
     assert index.is_called(kind, wanted).sum() == names * 27 // len(ITEMS[kind])
 
 

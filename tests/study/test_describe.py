@@ -53,7 +53,7 @@ def words(write):
         ("[ggx, {kurt: {m: 0.3}}]", "ggx\nkurt: m 0.3 (isotropic)"),
     ],
 )
-def test_a_material_is_said_in_words(words, stated, said):
+def test_a_material_is_described_in_words(words, stated, said):
     assert words("material", material=stated) == said
 
 
@@ -87,10 +87,10 @@ def test_exclude_says_how_many_cells_are_left_out(words):
     assert words("exclude", exclude="[{samples: 4}, {method: environment_sampling, samples: 8}]") == "3 cells of 5"
 
 
-def test_a_device_that_is_not_here_is_said(words, monkeypatch):
+def test_a_missing_device_is_reported(words, monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
 
-    assert words("device", device="cuda") == "cuda: there is none here, so that `run` refuses"
+    assert words("device", device="cuda") == "cuda: this machine has none, so `run` refuses the study"
 
 
 def about(write, claim: str, **changes: str) -> list[Count]:
@@ -130,12 +130,12 @@ def test_several_seeds_of_random_points_are_one_pair(write, points, more, n):
     assert about(write, PAIR + more, methods=methods) == [Count(n, "pair")]
 
 
-def test_a_claim_whose_sides_never_meet_is_said_to_be_untestable(words):
+def test_a_claim_whose_sides_never_pair_is_reported_as_untestable(words):
     exclude = "[{method: importance_sampling, samples: 8}, {method: environment_sampling, samples: 4}]"
 
     said = words("claims", claims=f"[{{text: A, {PAIR}, paired_by: samples}}]", exclude=exclude)
 
-    assert said == ("0 pairs: A (cannot be tested: no cell of one side has a partner of the same "
+    assert said == ("0 pairs: A (cannot be tested: no cell of one side has a counterpart with the same "
                     "light, material, view, samples)")  # fmt: skip
 
 

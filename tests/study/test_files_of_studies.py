@@ -74,7 +74,7 @@ NAMED = {
 
 
 @pytest.mark.parametrize("kind", NAMED)
-def test_a_bare_name_of_a_file_beside_the_study_is_its_item(here, kind):
+def test_a_bare_name_of_a_file_next_to_the_study_is_an_item(here, kind):
     bare, spelled = (load_study(study(here, **{kind: text})) for text in NAMED[kind])
 
     assert bare == spelled
@@ -92,7 +92,7 @@ def test_a_bare_name_in_a_list_and_with_options_is_one_too(here, kind):
     assert all(str(here / name) in text_of(item) for item in items)
 
 
-def test_a_mesh_and_a_table_beside_the_study_are_run(here):
+def test_a_mesh_and_a_table_next_to_the_study_are_run(here):
     path = study(here, material="{ngan: {file: paint.fit, material: paint}}",
                  view="{mesh: {shape: cube.obj, resolution: 4}}")  # fmt: skip
 
@@ -154,7 +154,7 @@ def test_a_broken_file_is_found_when_files_are_opened(here, name):
     assert message in message_of(path, open_files=True)
 
 
-def test_of_several_files_the_broken_one_is_named(here):
+def test_the_broken_file_of_several_is_named(here):
     (here / "bad.obj").write_bytes(b"v 0 0 0\n")
     path = study(here, view="{mesh: {shape: [cube.obj, torus_knot, bad.obj]}}")
 
@@ -182,14 +182,16 @@ def test_a_huge_measurement_is_refused_by_its_size_before_it_is_read(here, monke
         monkeypatch.setattr(Path, reader, lambda path, **how: pytest.fail("it was read"))
 
     for ask in ("key", "open_files"):
-        with pytest.raises(InputError, match=rf"{name}: 3221225472 bytes, more than the 1073741824 of any BRDF file"):
+        with pytest.raises(
+            InputError, match=rf"{name}: a BRDF file must have at most 1073741824 bytes, got 3221225472"
+        ):
             getattr(gb.material(str(here / name)), ask)()
 
 
-def test_a_long_text_is_no_measurement(here, monkeypatch):
+def test_a_long_text_is_not_a_measurement(here, monkeypatch):
     monkeypatch.setattr(cornell, "MAX_BYTES", 100)
 
-    with pytest.raises(InputError, match=r"goniometer\.brdf: \d+ bytes, more than the 100 of any goniometer file"):
+    with pytest.raises(InputError, match=r"goniometer\.brdf: a goniometer file must have at most 100 bytes, got \d+"):
         gb.material(str(here / "goniometer.brdf")).open_files()
 
 

@@ -1,4 +1,4 @@
-"""Names of rows: they tell inputs apart, and what was tuned from what was stated."""
+"""Names of rows: they distinguish inputs, and tuned options from stated ones."""
 
 import json
 
@@ -9,7 +9,7 @@ from glossbench.study.labels import budget_of, identity, names_of, parsed, told_
 
 
 def row(**changes):
-    """A row of a run as it stands on disk; options are given as dictionaries."""
+    """A row of a run as on disk; options are given as dictionaries."""
     plain = {
         "method": "few", "options": {"samples": 4}, "tuned": {}, "status": "done", "n_samples": 4,
         "light": "spots", "light_options": {}, "material": "kurt", "material_options": {},
@@ -38,7 +38,7 @@ def biased(bias, tune=None, **changes):
 RMS = {"tune": "rms", "range": [-2, 2]}
 
 
-def test_files_are_called_by_as_much_of_their_path_as_tells_them_apart():
+def test_names_of_files_have_as_much_of_their_paths_as_distinguishes_them():
     paths = ("/a/1k/probe.exr", "/b/1k/probe.exr", "/b/1k/grace.exr", "sky.hdr", "c\\2k\\probe.exr")
 
     found = names("light", "file", *({"file": path} for path in paths))
@@ -46,14 +46,14 @@ def test_files_are_called_by_as_much_of_their_path_as_tells_them_apart():
     assert found == ["a/1k/probe.exr", "b/1k/probe.exr", "grace.exr", "sky.hdr", "2k/probe.exr"]
 
 
-def test_a_sole_file_has_its_name_and_a_measured_material_says_what_it_is():
+def test_a_single_file_has_its_name_and_a_measured_material_says_what_it_is():
     assert names("light", "file", {"file": "/a/probe.exr"}) == ["probe.exr"]
     assert names("material", "measured", {"file": "x/garnet.brdf", "lobes": 2}) == ["measured garnet.brdf"]
     two = names("material", "measured", {"file": "x/garnet.brdf"}, {"file": "y/garnet.brdf"})
     assert two == ["measured x/garnet.brdf", "measured y/garnet.brdf"]
 
 
-def test_one_file_with_two_options_is_told_apart_by_them():
+def test_one_file_with_two_options_is_distinguished_by_them():
     found = names("light", "file", {"file": "/a/p.exr", "rotation": 0.0}, {"file": "/a/p.exr", "rotation": 90.0})
 
     assert found == ["p.exr (rotation 0)", "p.exr (rotation 90)"]
@@ -65,7 +65,7 @@ def test_an_option_that_is_a_path_is_shortened_as_well():
     ]  # fmt: skip
 
 
-def test_numbers_have_as_many_digits_as_tell_them_apart():
+def test_numbers_have_as_many_digits_as_distinguish_them():
     assert names("material", "ggx", {"alpha": 0.12}, {"alpha": 0.3}) == ["ggx (alpha 0.12)", "ggx (alpha 0.3)"]
     assert names("material", "ggx", {"alpha": 0.123456}, {"alpha": 0.123457}) == [
         "ggx (alpha 0.123456)", "ggx (alpha 0.123457)",
@@ -85,7 +85,7 @@ def test_the_table_says_what_its_inputs_are_called():
     assert (table[0]["material_name"], table[0]["view_name"]) == ("kurt", "sphere")
 
 
-def test_a_tuned_option_is_told_from_a_stated_one():
+def test_a_tuned_option_is_distinguished_from_a_stated_one():
     check_tuned(told(biased(0.0), biased(1.0), biased(0.37, RMS)))
 
 
@@ -106,7 +106,7 @@ def test_over_the_option_itself_only_the_tuned_line_names_it():
     ]  # fmt: skip
 
 
-def test_two_ways_to_tune_are_told_apart_and_one_way_tells_nothing():
+def test_two_ways_to_tune_are_distinguished_and_one_way_is_not_shown():
     flip, narrow = RMS | {"tune": "flip"}, RMS | {"range": [0, 1]}
 
     assert told(biased(0.1, RMS), biased(0.2, RMS)) == [{}, {}]

@@ -30,7 +30,7 @@ from oracles.z_scores import check_z, reference, z_limit
 
 N_SEEDS = 20
 
-# Each light and each material; the other pairs stand below, sharper or over 20 seeds.
+# Each light and each material; the other pairs are tested below, more sharply or over 20 seeds.
 CASES = [("rough", "kurt_anisotropic"), ("rough", "ggx_anisotropic"), ("spot", "kurt"), ("spot", "ggx_diffuse")]
 
 
@@ -197,7 +197,7 @@ def test_one_lit_texel_is_summed_exactly(face, row, column):
 
     radiance, standard_error = reference(light, glossy.material(), relative_error=5e-3)
 
-    # Below the horizon of the texel both are zero; 1e-12 stands for an error of zero.
+    # Below the horizon of the texel both are zero; 1e-12 replaces an error of zero.
     check_z(radiance, np.maximum(standard_error, 1e-12), truth, n_tests=3)
 
 
@@ -362,7 +362,7 @@ def reference_at_grazing(light, material, **options):
     return truth.radiance[0].numpy(), truth.standard_error[0].numpy()
 
 
-# Each material under two lights, each light on three materials; of the peaks other pairs stand below, over 20 seeds.
+# Each material under two lights, each light on three materials; other pairs with peaks are tested below, over 20 seeds.
 GRAZING_CASES = [
     ("constant", "kurt"),
     ("constant", "cook_torrance"),
@@ -425,7 +425,7 @@ def peak_seeds(light, material):
 
 
 def check_mean(radiance, truth):
-    """The mean over seeds: a Student's t of 19 degrees a pixel and channel."""
+    """The mean over seeds: a Student's t of 19 degrees per pixel and channel."""
     t = (radiance.mean(0) - truth) / (radiance.std(0, ddof=1) / sqrt(N_SEEDS))
     assert np.abs(t).max() < student.isf((1 - 0.99 ** (1 / (t.size * len(PEAK_CASES)))) / 2, N_SEEDS - 1)
 

@@ -115,13 +115,15 @@ def read_samples(path: Path) -> Samples:
         lines = path.read_text(encoding="ascii").splitlines()
         numbers = np.array(" ".join(line for line in lines if not line.lstrip().startswith("#")).split(), np.float64)
     except ValueError:
-        raise InputError(f"{path}: no goniometer file: holds more than numbers and comments") from None
+        raise InputError(f"{path}: not a goniometer file: it holds more than numbers and comments") from None
     n, width = len(WAVELENGTHS), len(WAVELENGTHS) + 4
     if not len(numbers) or numbers[0] != n or not np.array_equal(numbers[1 : 1 + n], WAVELENGTHS):
-        raise InputError(f"{path}: no goniometer file of {n} wavelengths from 400 to 700 nm")
+        raise InputError(f"{path}: not a goniometer file of {n} wavelengths from 400 to 700 nm")
     rows = numbers[1 + n :]
     if not len(rows) or len(rows) % width:
-        raise InputError(f"{path}: goniometer file truncated: {len(rows)} numbers of samples, {width} make one")
+        raise InputError(
+            f"{path}: goniometer file truncated: {len(rows)} numbers after its header, must be a multiple of {width}"
+        )
     rows = rows.reshape(-1, width)
     wrong = ~(np.abs(rows) <= LARGEST)
     if wrong.any():

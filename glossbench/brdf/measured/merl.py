@@ -67,11 +67,11 @@ def read_merl(path: Path, device: str) -> tuple[HalfDifferenceTable, int]:
     """
     size = path.stat().st_size
     if size < 12:
-        raise InputError(f"{path}: no MERL file: {size} bytes, which hold no three dimensions")
+        raise InputError(f"{path}: not a MERL file: {size} bytes cannot hold three dimensions")
     with path.open("rb") as file:
         dimensions = tuple(int(n) for n in np.frombuffer(file.read(12), "<i4"))
         if dimensions != SHAPE:
-            raise InputError(f"{path}: no MERL file of an isotropic BRDF: dimensions {dimensions}, must be {SHAPE}")
+            raise InputError(f"{path}: not a MERL file of an isotropic BRDF: dimensions {dimensions}, must be {SHAPE}")
         if size != SIZE:
             what = "truncated" if size < SIZE else "too long"
             raise InputError(f"{path}: MERL file {what}: {size} bytes, must be {SIZE}")

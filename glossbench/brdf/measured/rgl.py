@@ -142,10 +142,10 @@ def read_rgl(path: Path, device: str) -> tuple[AdaptiveTable, int]:
     """
     arrays = read_tensors(path)
     if "rgb" not in arrays and "spectra" in arrays:
-        raise InputError(f"{path}: a spectral .bsdf file: take the one whose name ends in _rgb")
+        raise InputError(f"{path}: a spectral .bsdf file; use the one whose name ends in _rgb")
     for name, n_axes in FIELDS.items():
         if name not in arrays:
-            raise InputError(f"{path}: no BSDF file: has no {name!r}, only {', '.join(sorted(arrays))}")
+            raise InputError(f"{path}: not a BSDF file: it has no {name!r}, only {', '.join(sorted(arrays))}")
         if arrays[name].ndim != n_axes:
             raise InputError(f"{path}: BSDF file: {name!r} has {arrays[name].ndim} axes, must have {n_axes}")
         if not (np.abs(arrays[name]) <= LARGEST).all():

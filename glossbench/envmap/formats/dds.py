@@ -40,7 +40,7 @@ def read_dds(path: Path) -> Decoded:
     format_size, format_flags, fourcc = struct.unpack_from("<2I4s", data, 76)
     caps2 = struct.unpack_from("<I", data, 112)[0]
     if (size, format_size) != (124, 32):
-        raise damaged(path, KIND, f"its header sizes must be 124 and 32, are {size} and {format_size}")
+        raise damaged(path, KIND, f"its header sizes must be 124 and 32, but are {size} and {format_size}")
     start, name = _HEADER, f"fourCC {int.from_bytes(fourcc, 'little')}"
     dtype, channels = _FOURCC.get(int.from_bytes(fourcc, "little"), ("", 0))
     is_cube = bool(caps2 & _CUBE) and caps2 & _ALL_FACES == _ALL_FACES
@@ -56,12 +56,12 @@ def read_dds(path: Path) -> Decoded:
     elif fourcc.isalnum():
         name = f"fourCC {fourcc.decode('ascii', 'replace')}"
     if not is_cube:
-        raise InputError(f"{path}: must be one cube map with all six faces, is another texture")
+        raise InputError(f"{path}: must be one cube map with all six faces, but is another texture")
     if not dtype:
         raise InputError(f"{path}: its pixel format is {name}; known: {_KNOWN}")
     check_size(path, KIND, width, 6 * height)
     if width != height:
-        raise damaged(path, KIND, f"its faces must be square, are {width}x{height}")
+        raise damaged(path, KIND, f"its faces must be square, but are {width}x{height}")
     n_levels = n_levels if flags & _HAS_LEVELS else 1
     if n_levels > width.bit_length():
         raise damaged(path, KIND, f"{n_levels} MIP levels of {width}x{width} pixels")

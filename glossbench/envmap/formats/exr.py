@@ -107,7 +107,7 @@ def check_exr_name(path: Path) -> None:
     if path.suffix.lower() != ".exr":
         raise InputError(f"{path}: the extension must be .exr, got {path.suffix!r}")
     if path.is_dir():
-        raise InputError(f"{path}: must be a file to write, is a folder")
+        raise InputError(f"{path}: must be a file, but is a folder")
     if not path.parent.is_dir():
         raise InputError(f"{path}: cannot be written: No such file or directory")
 
@@ -161,7 +161,7 @@ def _overlap(spec: oiio.ImageSpec) -> tuple[int, int, int, int]:
 
 def _shape_of_pixels(spec: oiio.ImageSpec) -> tuple[str, ...]:
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
-    return () if abs(aspect - 1) < 1e-3 else (f"its pixelAspectRatio of {aspect:g} is left out of account",)
+    return () if abs(aspect - 1) < 1e-3 else (f"its pixelAspectRatio of {aspect:g} is ignored",)
 
 
 def _covering(spec: oiio.ImageSpec) -> Covering | None:

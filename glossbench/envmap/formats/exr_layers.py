@@ -68,11 +68,11 @@ def colour_layer(path: Path, parts: Sequence[oiio.ImageSpec], wanted: str | None
         raise InputError(f"{path}: has several layers, none of which is the combined one; name one by layer: {names}")
     notes = []
     if len(seen) < len(layers):
-        notes.append(f"the view {seen[0].view} is read, of {_listed(dict.fromkeys(x.view for x in layers))}")
+        notes.append(f"the view {seen[0].view} is read, one of {_listed(dict.fromkeys(x.view for x in layers))}")
     if len(seen) > 1 and chosen[0].plain:
-        notes.append(f"the layer {chosen[0].names[0]} is read, of {_listed(x.names[0] or 'R, G, B' for x in seen)}")
+        notes.append(f"the layer {chosen[0].names[0]} is read, one of {_listed(x.names[0] or 'R, G, B' for x in seen)}")
     elif not ranked and chosen[0].names[0]:
-        notes.append(f"the layer {chosen[0].names[0]} is read, the only one of colour")
+        notes.append(f"the layer {chosen[0].names[0]} is read, because only this one has colour")
     return chosen[0], tuple(notes)
 
 

@@ -79,11 +79,11 @@ def _checked_suffix(path: Path, is_ldr: bool) -> str:
     if kind is None and not path.is_file():
         raise InputError(f"{path}: unknown extension {path.suffix!r}; known: {', '.join(_FLOATS)}")
     if path.is_dir():
-        raise InputError(f"{path}: must be an image file, is a folder")
+        raise InputError(f"{path}: must be an image file, but is a folder")
     if not path.exists():
         raise InputError(f"{path}: no such file")
     if not path.is_file():
-        raise InputError(f"{path}: must be an image file, is a device or pipe")
+        raise InputError(f"{path}: must be an image file, but is a device or a pipe")
     try:
         with path.open("rb") as file:
             head = file.read(24)

@@ -81,7 +81,7 @@ def _header(path: Path) -> tuple[list[str], re.Match[bytes], int]:
 
 
 def _no_size(path: Path, line: bytes) -> InputError:
-    return damaged(path, KIND, f"no line of its size such as '-Y 512 +X 1024', got {line[:40]!r}")
+    return damaged(path, KIND, f"its size must be a line such as '-Y 512 +X 1024', got {line[:40]!r}")
 
 
 def _numbers(path: Path, pairs: list[tuple[str, str]], key: str, count: int) -> list[list[float]]:
@@ -109,13 +109,13 @@ def _scale(path: Path, pairs: list[tuple[str, str]]) -> tuple[np.ndarray, list[s
         stated[key] = [[1.0] * count]
         for numbers in _numbers(path, pairs, key, count):
             if not any(numbers):
-                notes.append(f"{key}={' '.join(f'{n:g}' for n in numbers)} states nothing and counts as 1")
+                notes.append(f"{key}={' '.join(f'{n:g}' for n in numbers)} is not a factor and counts as 1")
             elif min(numbers) <= 0:
                 raise _no_numbers(path, key, count, " ".join(f"{n:g}" for n in numbers))
             else:
                 stated[key].append(numbers)
     if any(gamma != [1.0] for gamma in stated["GAMMA"]):
-        raise InputError(f"{path}: must be linear (GAMMA=1), is gamma-corrected; where the line is wrong, remove it")
+        raise InputError(f"{path}: must be linear (GAMMA=1), but is gamma-corrected; if that line is wrong, remove it")
     if any(name == "PIXASPECT" and value not in ("1", "1.0", "1.000000") for name, value in pairs):
         notes.append("PIXASPECT is ignored: a projection knows the shape of its pixels")
     exposure = prod(e for (e,) in stated["EXPOSURE"])

@@ -93,7 +93,7 @@ def _records(path: Path, kind: str, data: bytes, at: int, n_pixels: int, is_flat
     records = np.frombuffer(data, np.uint8, n_records * 4, at).reshape(-1, 4)
     is_run = (records[:, :3] == 1).all(1) & (not is_flat)
     if is_run[:1].any():
-        raise damaged(path, kind, "it begins with a repetition of nothing")
+        raise damaged(path, kind, "it begins with a repetition, before any pixel")
     if n_records == n_pixels and not is_run.any():
         return records, at + 4 * n_pixels
     index = np.arange(n_records)

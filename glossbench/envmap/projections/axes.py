@@ -66,7 +66,7 @@ def permutation(axes: str, projection: str) -> Tensor:
         raise InputError(f"unknown axes {axes!r}{nearest(axes, get_args(Axes))}")
     known = _CONVENTIONS[axes]
     if projection not in known:
-        raise InputError(f"axes {axes!r} say nothing of the projection {projection}, only of {', '.join(known)}")
+        raise InputError(f"axes {axes!r} do not apply to the projection {projection}, only to {', '.join(known)}")
     unit = {
         f"{sign}{name}": s * row
         for sign, s in (("+", 1), ("-", -1))

@@ -195,7 +195,7 @@ def check_written(projection: str, axes: str) -> None:
     """Raises InputError if a projection is unknown, cannot be written, or is not in the axis convention."""
     _check_projection(projection)
     if projection not in get_args(Written):
-        raise InputError(f"{projection} is read, not written; write one of {', '.join(get_args(Written))}")
+        raise InputError(f"{projection} can be read but not written; write one of {', '.join(get_args(Written))}")
     permutation(axes, projection)
 
 

@@ -24,16 +24,16 @@ def covered(said: Covering | None, projection: Projection | None, axes: str | No
     """
     notes = []
     if said is not None and not fits(said.projection, height, width):
-        notes.append(f"{said.said_by} says {said.projection}, which {width} x {height} pixels are not: left out")
+        notes.append(f"{said.said_by} says {said.projection}, which does not fit {width} x {height} pixels: ignored")
         said = None
     if said is not None and projection not in (None, said.projection):
-        notes.append(f"{said.said_by} says {said.projection}, read as {projection} as is stated")
+        notes.append(f"{said.said_by} says {said.projection}, but it is read as {projection}, as stated")
         said = None
     if said is None:
         chosen = projection or guess_projection(height, width)
         return Covered(chosen, axes or "forward", (*notes, *unusual_shape(chosen, height, width)))
     if axes not in (None, said.axes):
-        notes.append(f"{said.said_by} says axes {said.axes}, read by axes {axes} as is stated")
+        notes.append(f"{said.said_by} says axes {said.axes}, but it is read with axes {axes}, as stated")
     elif axes is None and said.note:
         notes.append(said.note)
     notes += unusual_shape(said.projection, height, width)

@@ -131,7 +131,7 @@ def build_partial_maps(
     if storage == "cube" and needed > limit:
         raise InputError(
             f"{n_maps} partial maps of 6 x {resolution}^2 texels as cubes need {needed / 1e9:.2f} GB, more than the "
-            f"limit of {limit / 1e9:.2f} GB; take fewer regions, a smaller light or storage: cropped"
+            f"limit of {limit / 1e9:.2f} GB; use fewer regions, a smaller light or storage: cropped"
         )
     sizes = _sizes(resolution)
     windows = torch.zeros(len(sizes), n_maps, 6, 5, dtype=torch.int32, device=faces.device)
@@ -149,7 +149,7 @@ def build_partial_maps(
             if TEXEL_BYTES * (used + n_texels) > limit:
                 raise InputError(
                     f"{n_maps} cropped partial maps of 6 x {resolution}^2 texels need more than the limit of "
-                    f"{limit / 1e9:.2f} GB; take fewer regions or a smaller light"
+                    f"{limit / 1e9:.2f} GB; use fewer regions or a smaller light"
                 )
             window[..., 4] = (counts.cumsum(0) - counts + used).view(-1, 6)
             windows[level, start : start + n] = window.int()

@@ -188,7 +188,7 @@ class _Reader:
         if "bufferView" in accessor:
             found = self._rows(accessor["bufferView"], accessor.get("byteOffset", 0), kind, width, count)
         elif count > MAX_ITEMS:
-            raise InputError(f"{self._path}: glTF file with {count} items of nothing, more than {MAX_ITEMS}")
+            raise InputError(f"{self._path}: glTF file with {count} items without data, more than {MAX_ITEMS}")
         else:
             found = np.zeros((count, width), kind)
         if "sparse" in accessor:

@@ -93,7 +93,7 @@ def _indices(path: Path, columns: Columns) -> Lists | None:
     wrong = ~(np.abs(found.values) < 2**53) | (found.values != np.floor(found.values))
     if wrong.any():
         raise InputError(
-            f"{path}: PLY file whose face names vertex {found.values[wrong][0]:g}, which is no whole number"
+            f"{path}: PLY file whose face names vertex {found.values[wrong][0]:g}, which is not a whole number"
         )
     return Lists(found.values.astype(np.int64), found.counts)
 

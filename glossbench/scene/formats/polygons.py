@@ -62,7 +62,7 @@ def triangulate(name: str, vertices: Floats, corners: Ints, counts: Ints) -> Int
         places.append(np.repeat(of_size[is_fan], n - 2))
         for i in np.flatnonzero(~is_fan):
             if n > MAX_CONCAVE_CORNERS:
-                raise InputError(f"{name}: face {of_size[i]} has {n} corners and is no fan; cut it into triangles")
+                raise InputError(f"{name}: face {of_size[i]} has {n} corners and is not a fan; cut it into triangles")
             ears = _ears(points[i])
             found.append(starts[of_size[i]] + ears)
             places.append(np.repeat(of_size[i], len(ears)))

@@ -167,7 +167,7 @@ def test_albedo_by_the_sampler_is_that_of_the_formula(view):
 # What is not known.
 
 
-def test_lobe_is_black_where_nothing_is_known_and_only_where_it_is_asked_to():
+def test_a_lobe_is_black_only_in_unknown_regions_and_only_if_this_is_stated():
     wo, wi = vectors([direction(0.3, 0.0)] * 2), vectors([direction(0.3, pi), direction(1.5, pi)])
 
     black, filled = lobe_of(known_only=True).f(wo, wi), lobe_of().f(wo, wi)

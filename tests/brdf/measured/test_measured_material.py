@@ -73,7 +73,7 @@ def test_senseless_options_are_refused(options, message):
 def test_a_file_that_is_missing_or_of_another_format_is_refused(data):
     with pytest.raises(InputError, match=r"no BRDF file 'gone.brdf'"):
         gb.material("measured", file="gone.brdf").key()
-    with pytest.raises(InputError, match="no tensor file: begins with"):
+    with pytest.raises(InputError, match="not a tensor file: it begins with"):
         gb.material("measured", file=str(data / "cayman.brdf"), format="rgl").reflectance()
 
 
@@ -88,7 +88,7 @@ def test_facts_state_what_was_measured(data):
     assert facts.known_share == pytest.approx(0.957, abs=0.002)
 
 
-def test_what_is_not_known_is_black_unless_it_is_asked_for():
+def test_unknown_values_are_black_unless_extrapolation_is_stated():
     wo, wi = (vectors([[s * np.sin(1.54), 0.0, np.cos(1.54)]]) for s in (1, -1))
     black, filled = gb.material("cayman"), gb.material("cayman", unknown="extrapolated")
 
@@ -166,7 +166,7 @@ def test_a_kurt_material_is_found_again():
     assert fit.material.kd == pytest.approx((0.1, 0.2, 0.3), rel=2e-2)
 
 
-def test_fit_of_a_paint_keeps_what_is_no_highlight():
+def test_fit_of_a_paint_keeps_what_is_not_a_highlight():
     material = gb.material("cayman")
     wo, wi = vectors(random_hemisphere(4000, 1)), vectors(random_hemisphere(4000, 2))
     f, g = (torch.stack(m.f(wo, wi)) * wo.z * wi.z for m in (material, material.fit().material))

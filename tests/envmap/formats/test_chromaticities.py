@@ -71,6 +71,6 @@ def test_rec_709_itself_is_left_as_it_is(white):
         (((0.64, 0.33), (0.3, 0.6), (0.15, 1e300), (0.3, 0.3)), "must be four pairs"),
     ],
 )
-def test_chromaticities_that_are_none_are_one_clear_line(chromaticities, message):
+def test_invalid_chromaticities_are_one_clear_line(chromaticities, message):
     with pytest.raises(InputError, match=message):
         to_rec709(np.ones((1, 1, 3)), chromaticities)

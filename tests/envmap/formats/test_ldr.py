@@ -71,7 +71,7 @@ def test_a_tiff_of_half_floats_one_channel_or_alpha_is_radiance_too(tmp_path):
     assert np.array_equal(read_image(tiff(tmp_path / "a.TIFF", alpha, extrasamples=["unassalpha"])), FLOATS)
 
 
-def test_of_several_pages_the_first_is_read_with_a_note(tmp_path):
+def test_the_first_of_several_pages_is_read_with_a_note(tmp_path):
     read = read_file(tiff(tmp_path / "a.tif", np.stack([FLOATS, FLOATS / 2])))
 
     assert np.array_equal(read.image, FLOATS)

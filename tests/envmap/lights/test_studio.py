@@ -1,4 +1,4 @@
-"""The studio: each box against the closed forms of a rectangle, and where it stands."""
+"""The studio: each box against the closed forms of a rectangle, and its place."""
 
 from math import atan, cos, pi, radians, sin, sqrt
 
@@ -132,7 +132,7 @@ def check_corners(light, box):
 
 
 @pytest.mark.parametrize("name", BOXES)
-def test_a_box_stands_where_the_table_says(name):
+def test_a_box_is_where_the_table_says(name):
     check_corners(alone(name, resolution=512), BOXES[name])
 
 

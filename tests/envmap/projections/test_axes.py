@@ -19,7 +19,7 @@ SIZE = 24  # texels along the edge of a cube that resolves as much as the images
 COLOURS = np.array([[1, 0, 0], [0, 1, 1], [0, 1, 0], [1, 0, 1], [0, 0, 1], [1, 1, 0]])
 
 
-# What each program does with a direction of its own world: the place (u, v) in its image, v downward.
+# What each program does with a direction of its world: the place (u, v) in its image, v downward.
 
 
 def mitsuba(x, y, z):
@@ -207,12 +207,12 @@ def test_the_mitsuba_convention_is_that_of_its_envmap_emitter():
 @pytest.mark.parametrize(
     ("axes", "projection", "message"),
     [
-        ("opengl", "lat_long", "axes 'opengl' say nothing of the projection lat_long, only of vertical_cross"),
-        ("mitsuba", "strip", "axes 'mitsuba' say nothing of the projection strip, only of lat_long"),
+        ("opengl", "lat_long", "axes 'opengl' do not apply to the projection lat_long, only to vertical_cross"),
+        ("mitsuba", "strip", "axes 'mitsuba' do not apply to the projection strip, only to lat_long"),
         ("bender", "lat_long", "unknown axes 'bender'; did you mean 'blender'"),
     ],
 )
-def test_axes_that_say_nothing_are_one_clear_line(axes, projection, message):
+def test_axes_that_do_not_apply_are_one_clear_line(axes, projection, message):
     shape = (6, 36, 3) if projection == "strip" else (8, 16, 3)
 
     with pytest.raises(InputError, match=message):

@@ -309,7 +309,7 @@ def test_there_and_back_the_energy_stays(projection, resolution, name):
         assert torch.equal(back.faces, light.faces)
 
 
-def test_the_energy_check_notices_pixels_that_count_alike():
+def test_the_energy_check_notices_pixels_of_equal_weight():
     light = LIGHTS.create("texel", {"resolution": 32, "face": 2}).cubemap()
     image = from_cubemap(light, "lat_long")
 
@@ -471,7 +471,7 @@ def test_the_lat_long_of_grace_is_its_cross_flipped_and_scaled(real_lights):
 # Shapes and errors
 
 
-def test_the_shape_tells_the_projection():
+def test_the_shape_determines_the_projection():
     guesses = [guess_projection(h, w) for h, w in ((64, 128), (90, 90), (1024, 768), (768, 1024), (5, 30))]
 
     assert guesses == list(GUESSED)
@@ -497,7 +497,7 @@ def test_the_shape_tells_the_projection():
         ((8, 16, 3), {"resolution": 0}, "power of two of at least 2, got 0"),
     ],
 )
-def test_what_is_no_light_is_one_clear_line(shape, options, message):
+def test_what_is_not_a_light_is_one_clear_line(shape, options, message):
     with pytest.raises(InputError, match=message) as raised:
         to_cubemap(torch.ones(*shape), **options)
 

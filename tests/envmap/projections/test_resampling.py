@@ -83,7 +83,7 @@ def at(image, column, row):
     return bilinear(image[None], *place)[0, 0, 0]
 
 
-def test_at_the_centre_of_a_pixel_stands_its_value_and_between_two_their_mean():
+def test_the_centre_of_a_pixel_has_its_value_and_the_middle_between_two_their_mean():
     image = random_image(3, 4)
 
     torch.testing.assert_close(at(image, 2.5, 1.5), image[1, 2])
@@ -91,7 +91,7 @@ def test_at_the_centre_of_a_pixel_stands_its_value_and_between_two_their_mean():
     torch.testing.assert_close(at(image, 2.5, 1.25), 0.75 * image[1, 2] + 0.25 * image[0, 2])
 
 
-def test_beyond_the_outer_centres_the_edge_goes_on():
+def test_beyond_the_outer_centres_the_edge_continues():
     image = random_image(3, 4)
 
     torch.testing.assert_close(at(image, 0.1, 1.5), image[1, 0])
