@@ -108,7 +108,7 @@ def find(key: str, tensors: Sequence[Tensor]) -> Artefact | None:
             with suppress(OSError):
                 os.utime(path)  # the time of its last use
             return artefact
-        _warn(path)
+        warn_of(path)
     return None
 
 
@@ -194,12 +194,12 @@ def _read(path: Path, silent: bool = False) -> Artefact | None:
         return None
     except (OSError, ValueError, KeyError, TypeError):
         if not silent:
-            _warn(path)
+            warn_of(path)
         return None
 
 
 @cache
-def _warn(path: Path) -> None:
+def warn_of(path: Path) -> None:
     """Warn once in each process."""
     logging.getLogger("glossbench").warning(
         "%s is damaged or was compiled elsewhere: the kernel runs eagerly; `glossbench compile --clear` removes it",

@@ -133,7 +133,7 @@ def pays(call: Call) -> bool:
 
 _choose: Choose = lambda call: is_ready(call) or pays(call)  # noqa: E731
 _used: dict[str, str] | None = None
-_loaded: dict[str, list[tuple[Artefact | None, Run]]] = {}  # by key
+loaded: dict[str, list[tuple[Artefact | None, Run]]] = {}  # by key
 
 
 def compiled(call: Call) -> Run | None:
@@ -151,7 +151,7 @@ def load(call: Call) -> Run | None:
     """The compiled program of a call, from the cache; None if it is not there."""
     if not call.is_on_cpu:
         return None
-    for artefact, run in _loaded.get(call.key, ()):
+    for artefact, run in loaded.get(call.key, ()):
         if artefact is not None and artefact.takes(call.tensors):
             return run
     found = artefacts.find(call.key, call.tensors)
@@ -160,7 +160,7 @@ def load(call: Call) -> Run | None:
     from torch._C._aoti import AOTIModelContainerRunnerCpu  # the class of torch's package would import the compiler
 
     run = _function(found, AOTIModelContainerRunnerCpu(str(artefacts.library_of(found)), 1))
-    _loaded.setdefault(call.key, []).append((found, run))
+    loaded.setdefault(call.key, []).append((found, run))
     return run
 
 
@@ -169,7 +169,7 @@ def _traced(call: Call) -> Run:
 
     If that fails, the program runs eagerly, and a warning of one line says so.
     """
-    found = _loaded.setdefault(call.key, [])
+    found = loaded.setdefault(call.key, [])
     if not found:
         eager = program(call.kernel.function, call.form, call.part)
         run = torch.compile(eager, dynamic=True)

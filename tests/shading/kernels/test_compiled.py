@@ -57,7 +57,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(folder))
-        patch.setattr(backend, "_loaded", {})
+        patch.setattr(backend, "loaded", {})
         assert image(always)[1] == "compiled"
     return folder
 
@@ -67,9 +67,9 @@ def cache(made, tmp_path, monkeypatch):
     """A copy of that folder, which this process has not read yet, and no compiler."""
     shutil.copytree(made, tmp_path / "cache")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(backend, "_loaded", {})
+    monkeypatch.setattr(backend, "loaded", {})
     monkeypatch.setattr(backend, "has_compiler", lambda: False)
-    artefacts._warn.cache_clear()
+    artefacts.warn_of.cache_clear()
     return artefacts.folder()
 
 
@@ -118,7 +118,7 @@ def test_what_is_compiled_runs_without_being_asked_for(cache):
     found = over_points(cosines, Sphere(resolution=20).points(), N, *arguments())
 
     assert (found == image(always)[0]).all()
-    assert backend._loaded
+    assert backend.loaded
 
 
 def test_a_kernel_with_other_numbers_in_it_is_another_kernel(cache):
@@ -177,7 +177,7 @@ def test_the_key_names_torch_and_the_processor(cache, monkeypatch, part):
 
 def test_without_a_compiler_one_line_says_so(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(backend, "_loaded", {})
+    monkeypatch.setattr(backend, "loaded", {})
     monkeypatch.setattr(build.shutil, "which", lambda name: None)
     build.has_compiler.cache_clear()
     with caplog.at_level(logging.WARNING, logger="glossbench"):
@@ -192,7 +192,7 @@ def test_without_a_compiler_one_line_says_so(tmp_path, monkeypatch, caplog):
 
 def test_a_compiler_that_fails_is_one_line_and_is_not_tried_again(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(backend, "_loaded", {})
+    monkeypatch.setattr(backend, "loaded", {})
     failing = subprocess.CompletedProcess([], 1, b"", b"a traceback\nInductorError: main.so: file too short\n")
     monkeypatch.setattr(build.subprocess, "run", lambda *_, **__: failing)
     monkeypatch.setattr(build, "failed", set())
