@@ -47,7 +47,7 @@ class Artefact:
         sizes: sizes of each tensor; equal names must be equal numbers.
         ranges: for each name, the smallest and largest number that it may be.
         n_outputs: number of tensors that it returns; None if it returns one that is not in a tuple.
-        seconds: time that the compilation took.
+        seconds: processor time that the compilation took, which other work on the machine does not lengthen.
         library: name of the library's file, its SHA-256.
     """
 

@@ -50,7 +50,7 @@ class Call(NamedTuple):
 
 
 def compile_seconds() -> float:
-    """Seconds that a compilation takes: the mean of those in the cache."""
+    """Processor seconds that a compilation takes: the mean of those in the cache."""
     found = [artefact.seconds for artefact in artefacts.every()]
     return sum(found) / len(found) if found else SECONDS
 
