@@ -14,7 +14,7 @@ from glossbench.run.figures import FIGURES
 from glossbench.run.results import Results
 
 from .model.options import Choice, Option
-from .model.panels import Panels, shown
+from .model.panels import Panels, select_shown
 from .model.report import Report
 from .print.plots import draw
 from .typesetting import Format, Press
@@ -64,7 +64,7 @@ class Figure(Options):
         form = path.suffix.lower().lstrip(".")
         if form not in ("pdf", "svg", "png"):
             raise InputError(f"{path}: the extension must be .pdf, .svg or .png, got {path.suffix!r}")
-        report = Report.of(results)
+        report = Report.from_results(results)
         given: dict[str, Any] = {}
         for name, option in self.options.items():
             given[name] = option.asked(report, given, asked.get(name))
@@ -78,7 +78,7 @@ class Figure(Options):
         data = self.data(report, **given)
         if not data.panels:
             raise InputError(f"{report.results.folder} has nothing to show as {self.name}: {data.note or 'no cell'}")
-        figure = press.figure(draw(shown(data.panels)))
+        figure = press.figure(draw(select_shown(data.panels)))
         return {"kind": "plot", "alt": " ".join(filter(None, (given.get("metric"), data.title))), **figure}
 
     def _choices(self, report: Report, names: Sequence[str]) -> Iterator[dict[str, Choice]]:

@@ -1,6 +1,6 @@
 """The style of a report: numbers, colours and markers of plots, sample patterns, colour bars.
 
-Figures use no global state of matplotlib; `svg` returns the same bytes for the same data, in any style of the user.
+Figures use no global state of matplotlib; `to_svg` returns the same bytes for the same data, in any style of the user.
 """
 
 import re
@@ -55,7 +55,7 @@ def style(parameters: Mapping[Any, Any]) -> Iterator[None]:
         yield
 
 
-def number(value: float | None, digits: int = 3) -> str:
+def format_number(value: float | None, digits: int = 3) -> str:
     """A number with this many significant digits, as in print: 0.0123, 1240, 1.20×10⁻⁶; – for None."""
     if value is None or np.isnan(value):
         return "–"
@@ -68,25 +68,25 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{mantissa}×10{raised}".replace("-", "−")
 
 
-def tick(value: float) -> str:
+def format_tick(value: float) -> str:
     """A round number without trailing digits: 0.05, 1.5, 200, 10⁻⁷."""
     mantissa = f"{value:.2e}".split("e")[0].rstrip("0").rstrip(".")
-    return number(value, len(mantissa.replace(".", "").replace("-", ""))).removeprefix("1×")
+    return format_number(value, len(mantissa.replace(".", "").replace("-", ""))).removeprefix("1×")
 
 
-def whole(value: float | None) -> str:
+def format_whole(value: float | None) -> str:
     """A whole number with narrow spaces between thousands."""
     if value is None:
         return "–"
     return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
 
 
-def stops(exposure: float) -> str:
+def format_stops(exposure: float) -> str:
     """A factor of exposure in stops, as photographers write it: +1.5."""
     return f"{round(float(np.log2(exposure)), 1) + 0.0:+.1f}".replace("-", "−")
 
 
-def looks(methods: Sequence[str], hues: Mapping[str, int]) -> list[tuple[str, int]]:
+def assign_looks(methods: Sequence[str], hues: Mapping[str, int]) -> list[tuple[str, int]]:
     """For each line: its colour, and its index among the lines of its method, which selects the dashes.
 
     Args:
@@ -122,21 +122,21 @@ def polar(half_vectors: Floats, largest: float) -> list[tuple[float, float]]:
 
 
 @style(RC)
-def colour_bar(limit: float, label: str, signed: bool = True) -> Figure:
+def draw_colour_bar(limit: float, label: str, signed: bool = True) -> Figure:
     """The scale of error maps, from -limit or from 0 to +limit."""
     figure = Figure(figsize=(4.2, 0.62))
     ax = figure.add_axes((0.05, 0.72, 0.9, 0.26))
     low, colours = (-limit, SIGNED) if signed else (0.0, UNSIGNED)
     ax.imshow(np.linspace(0, 1, 255)[None], cmap=colours, aspect="auto", extent=(low, limit, 0, 1))
     ticks = np.linspace(low, limit, 5)
-    ax.set_xticks(ticks, [number(t, 2) for t in ticks])
+    ax.set_xticks(ticks, [format_number(t, 2) for t in ticks])
     ax.set_yticks([])
     ax.spines[:].set_visible(False)
     ax.set_xlabel(label)
     return figure
 
 
-def svg(figure: Figure, name: str) -> str:
+def to_svg(figure: Figure, name: str) -> str:
     """A figure as <svg>: text stays text, in the colours of the page; `name` is unique on the page."""
     out = StringIO()
     with style({**RC, "svg.hashsalt": name}):

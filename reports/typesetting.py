@@ -94,17 +94,17 @@ class Press:
 
     def pages(self, template: str, data: Mapping[str, Any], form: Format = "pdf") -> bytes:
         """A template filled with data: a PDF, or an image of its first page."""
-        (self.folder / "data.json").write_text(dumps(_breakable(data)), encoding="utf-8")
+        (self.folder / "data.json").write_text(dumps(_make_breakable(data)), encoding="utf-8")
         for source in TEMPLATES.glob("*.typ"):
             (self.folder / source.name).write_bytes(source.read_bytes())
         if form == "pdf":
-            return self._pdf(template)
+            return self._set_pdf(template)
         made = self._compiler.compile(str(self.folder / template), format=form, ppi=300)
         first = made[0] if isinstance(made, list) else made
         assert first is not None  # without an output file typst returns what it made
         return first
 
-    def _pdf(self, template: str) -> bytes:
+    def _set_pdf(self, template: str) -> bytes:
         """A PDF, set in a separate process, because a long one needs half a gigabyte."""
         made = self.folder / "made.pdf"
         arguments = (str(self.folder), str(self.folder / template), _FONTS, str(made))
@@ -117,13 +117,13 @@ class Press:
         return made.read_bytes()
 
 
-def _breakable(value: Any) -> Any:
+def _make_breakable(value: Any) -> Any:
     """The data with spaces of zero width in long words, so that lines may break there."""
     if isinstance(value, str):
         text = value.encode("utf-8", "backslashreplace").decode()  # half a character would not be JSON
         return re.sub(rf"\S{{{LONGEST + 1},}}", lambda word: re.sub(rf".{{{PIECE}}}", "\\g<0>\u200b", word[0]), text)
     if isinstance(value, Mapping):
-        return {key: _breakable(each) for key, each in value.items()}
+        return {key: _make_breakable(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_breakable(each) for each in value]
+        return [_make_breakable(each) for each in value]
     return value

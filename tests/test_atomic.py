@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from glossbench.atomic import ABANDONED, interrupted_when_asked, remove_abandoned, replacing
-from glossbench.errors import CannotWrite
+from glossbench.atomic import ABANDONED, interrupted_by_signals, remove_abandoned, replacing
+from glossbench.errors import WriteError
 
 
 def test_what_was_written_has_its_name_and_nothing_else_is_left(tmp_path):
@@ -68,7 +68,7 @@ def test_content_is_on_the_disk_before_it_has_its_name_and_the_name_after(tmp_pa
 def test_a_missing_folder_is_one_line_with_the_path(tmp_path):
     path = tmp_path / "gone" / "a.json"
 
-    with pytest.raises(CannotWrite) as caught, replacing(path) as part:
+    with pytest.raises(WriteError) as caught, replacing(path) as part:
         part.write_text("new")
 
     assert str(caught.value) == f"{path}: cannot be written: No such file or directory"
@@ -95,7 +95,7 @@ def test_a_signal_that_ends_the_process_interrupts_the_write_and_nothing_is_left
 def test_the_signal_handler_of_the_program_is_kept(handler):
     before = signal.signal(signal.SIGTERM, handler)
     try:
-        with interrupted_when_asked():
+        with interrupted_by_signals():
             meanwhile = signal.getsignal(signal.SIGTERM)
 
         assert meanwhile is handler

@@ -138,8 +138,8 @@ def test_samples_that_share_a_row_are_as_samples_with_rows_of_their_own():
     values, samples = np.random.default_rng(6).normal(size=(9, 2)), np.random.default_rng(7).normal(size=(5, 2))
 
     np.testing.assert_allclose(shared.read(values), own.read(values), rtol=1e-13)
-    np.testing.assert_allclose(shared.gathered(samples), own.gathered(samples), rtol=1e-13)
-    np.testing.assert_allclose(shared.squares(), own.squares(), rtol=1e-13)
+    np.testing.assert_allclose(shared.gather(samples), own.gather(samples), rtol=1e-13)
+    np.testing.assert_allclose(shared.sum_squares(), own.sum_squares(), rtol=1e-13)
 
 
 def test_bilinear_rows_reproduce_a_linear_image():

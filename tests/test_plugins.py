@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from glossbench.errors import InputError
-from glossbench.import_closure import is_installed, local_files
-from glossbench.plugins import import_plugin, origin
-from glossbench.provenance import source_hash
+from glossbench.import_closure import find_local_files, is_installed
+from glossbench.plugins import find_origin, import_plugin
+from glossbench.provenance import compute_source_hash
 from glossbench.run.runner import run_study
 from glossbench.shading.method import METHODS
 from glossbench.study.study import load_study
@@ -50,7 +50,7 @@ def test_the_module_next_to_the_study_wins_over_that_of_the_working_folder(study
     write(Path.cwd(), lab_a="PLACE = 'here'")
 
     assert import_plugin("lab_a", study).PLACE == "study"
-    assert origin("lab_a") == str(study / "lab_a.py")
+    assert find_origin("lab_a") == str(study / "lab_a.py")
     del sys.modules["lab_a"]
     assert import_plugin("lab_a").PLACE == "here"
 
@@ -164,7 +164,7 @@ def test_a_changed_helper_makes_its_class_another(study, name):
 
     def written(level):
         write(study, lab_g=PLUGIN.format(use=use), **{each: code.format(level) for each, code in files.items()})
-        return source_hash(import_plugin("lab_g", study).Flat)
+        return compute_source_hash(import_plugin("lab_g", study).Flat)
 
     first, again, second = written(1), written(1), written(2)
 
@@ -173,25 +173,25 @@ def test_a_changed_helper_makes_its_class_another(study, name):
 
 def test_a_file_that_is_not_imported_makes_nothing_new(study):
     write(study, lab_h=PLUGIN.format(use="level = lambda: 1"), other="A = 1")
-    before = source_hash(import_plugin("lab_h", study).Flat)
+    before = compute_source_hash(import_plugin("lab_h", study).Flat)
 
     write(study, other="A = 2")
 
-    assert source_hash(import_plugin("lab_h", study).Flat) == before
+    assert compute_source_hash(import_plugin("lab_h", study).Flat) == before
 
 
 def test_another_folder_makes_nothing_new(study):
     write(study, lab_i=PLUGIN.format(use="from tool import level"), tool="level = lambda: 1")
-    before = source_hash(import_plugin("lab_i", study).Flat)
+    before = compute_source_hash(import_plugin("lab_i", study).Flat)
     moved = Path(shutil.move(study, study.parent / "moved"))
 
-    assert source_hash(import_plugin("lab_i", moved).Flat) == before
+    assert compute_source_hash(import_plugin("lab_i", moved).Flat) == before
 
 
 def test_what_is_installed_is_not_part_of_a_plugin(study):
     write(study, lab_j="import torch, json, glossbench.shading.method, tool", tool="import numpy")
 
-    assert local_files("lab_j", study / "lab_j.py").keys() == {"lab_j", "tool"}
+    assert find_local_files("lab_j", study / "lab_j.py").keys() == {"lab_j", "tool"}
     assert is_installed(Path(pytest.__file__))
     assert not is_installed(study)
 

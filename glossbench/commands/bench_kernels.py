@@ -16,7 +16,7 @@ from glossbench.shading.image import shade
 from glossbench.shading.kernels.backend import compiled, recording
 from glossbench.shading.kernels.build import Call
 from glossbench.shading.kernels.programs import program
-from glossbench.shading.method import METHODS, Method, budget_of
+from glossbench.shading.method import METHODS, Method, find_budget_option
 
 PATIENCE = 20.0  # seconds for the stages of a method; one that takes longer is left out
 
@@ -61,7 +61,7 @@ def _seconds(work: Callable[[], Any]) -> float:
 
 def _variants(samples: int) -> Iterator[tuple[str, Method]]:
     for cls in map(METHODS.get, METHODS.names()):
-        budget = {budget_of(cls): samples} if budget_of(cls) == "samples" else {}
+        budget = {find_budget_option(cls): samples} if find_budget_option(cls) == "samples" else {}
         footprint = {each.name: each.type for each in fields(cls)}.get("footprint")
         for value in get_args(footprint) or (None,):
             stated = {"footprint": value} if value else {}

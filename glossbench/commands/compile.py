@@ -55,11 +55,11 @@ def compile_kernels(
 def _calls(names: list[str], every: bool) -> "list[Call]":
     """The kernel calls of studies, each once."""
     from glossbench.run.kernel_calls import calls_of
-    from glossbench.study.installed import study_files
     from glossbench.study.study import load_study
+    from glossbench.study.study_files import find_study_files
 
     found: dict[str, Call] = {}
-    for name in [*names, *(study_files() if every else [])]:
+    for name in [*names, *(find_study_files() if every else [])]:
         try:
             loaded = load_study(name)
         except InputError as error:

@@ -43,10 +43,10 @@ def light(
     written_axes: Annotated[str, typer.Option("--as-axes", help="Axes of the written file.")] = "forward",
 ) -> None:  # fmt: skip
     """Describe a light, draw it, and write it in another projection."""
-    from glossbench.commands.picture import half_blocks, picture, write_png
-    from glossbench.envmap.formats.decoded import Covering
+    from glossbench.commands.picture import draw_picture, to_half_blocks, write_png
     from glossbench.envmap.formats.exr import check_exr_name, write_exr
-    from glossbench.envmap.lights.file_light import light_named
+    from glossbench.envmap.formats.image_content import Covering
+    from glossbench.envmap.lights.file_light import make_light
     from glossbench.envmap.projections.conversion import check_written, from_cubemap
 
     if output is None and (written, written_axes) != ("lat_long", "forward"):
@@ -57,13 +57,13 @@ def light(
         check_written(form, written_axes)
     flags = {"flip_vertical": flip or None, "layer": layer, "ldr": ldr or None}
     given = {"resolution": resolution, "projection": projection, "axes": axes, "invalid": invalid, **flags}
-    chosen = light_named(name, {option: value for option, value in given.items() if value is not None})
+    chosen = make_light(name, {option: value for option, value in given.items() if value is not None})
     cubemap = chosen.cubemap()
-    print_rows({"light": name} | told(chosen.facts(cubemap)) | {"note": "\n".join(chosen.notes())})
+    print_rows({"light": name} | describe_facts(chosen.facts(cubemap)) | {"note": "\n".join(chosen.notes())})
     if out.is_terminal and out.color_system and out.encoding.startswith("utf"):  # else the picture cannot be shown
-        out.print(half_blocks(picture(cubemap, min(out.width, 160) // 2)))
+        out.print(to_half_blocks(draw_picture(cubemap, min(out.width, 160) // 2)))
     if png is not None:
-        write_png(png, picture(cubemap, 512))
+        write_png(png, draw_picture(cubemap, 512))
         say(f"picture: {png}")
     if output is not None:
         image = from_cubemap(cubemap, form, axes=written_axes)
@@ -71,7 +71,7 @@ def light(
         say(f"{form}: {output}")
 
 
-def told(facts: "LightFacts") -> dict[str, str]:
+def describe_facts(facts: "LightFacts") -> dict[str, str]:
     """The facts about a light, each in a few words."""
     read_as, image_peak = "", ""
     if facts.projection is not None:
@@ -81,15 +81,15 @@ def told(facts: "LightFacts") -> dict[str, str]:
     return {
         "read as": read_as,
         "cube map": f"6 faces of {facts.resolution} x {facts.resolution} texels",
-        "mean radiance": _rgb(facts.mean),
+        "mean radiance": _format_rgb(facts.mean),
         "peak luminance": f"{facts.peak:.4g}{image_peak}",
         "dynamic range": f"{float(f'{facts.dynamic_range:.3g}'):,.0f} : 1",
         "brightest 0.1 %": f"{100 * facts.brightest_share:.3g} % of the energy",
-        "irradiance up": _rgb(facts.irradiance_up),
-        "irradiance right": _rgb(facts.irradiance_right),
-        "irradiance forward": _rgb(facts.irradiance_forward),
+        "irradiance up": _format_rgb(facts.irradiance_up),
+        "irradiance right": _format_rgb(facts.irradiance_right),
+        "irradiance forward": _format_rgb(facts.irradiance_forward),
     }
 
 
-def _rgb(color: tuple[float, float, float]) -> str:
+def _format_rgb(color: tuple[float, float, float]) -> str:
     return "  ".join(f"{c:<8.4g}" for c in color).rstrip()

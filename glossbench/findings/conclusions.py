@@ -23,7 +23,7 @@ def conclude(cases: list[Case], quantity: str, notes: Counter[str], sides: Seque
     span = describe_span([case.as_numbers() for case in cases])
     first = f"Judged without {failed} of its cells, which failed. " if failed else ""
     counted = f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{others}"
-    return verdict, f"{counted}; {quantity}: {span}{_seeds(cases, sides)}{left_out}."
+    return verdict, f"{counted}; {quantity}: {span}{_describe_seeds(cases, sides)}{left_out}."
 
 
 def describe_span(cases: Sequence[Numbers]) -> str:
@@ -37,13 +37,13 @@ def describe_span(cases: Sequence[Numbers]) -> str:
     low, high = (pick(finite, key=lambda case: case["value"]) for pick in (min, max))
     others = f"; not finite in {len(cases) - len(finite)} of {len(cases)} cases" if len(finite) < len(cases) else ""
     if low["value"] == high["value"]:
-        return _number(low) + others
+        return _format_number(low) + others
     names = zip(("lowest", "highest"), _distinguish([low, high], cases), strict=True)
     where = "".join(f"; {end} for {name}" for end, name in names if name)
-    return f"{_number(low)} to {_number(high)}{where}{others}"
+    return f"{_format_number(low)} to {_format_number(high)}{where}{others}"
 
 
-def _number(case: Numbers) -> str:
+def _format_number(case: Numbers) -> str:
     """The number of a case and, if noise changes it, its 95 % interval; an end that is not finite is stored as None."""
     low, value, high = ("?" if case[key] is None else f"{case[key]:.4g}" for key in ("low", "value", "high"))
     return value if case["low"] == case["value"] == case["high"] else f"{value} [{low}, {high}]"
@@ -71,7 +71,7 @@ def _distinguish(named: Sequence[Numbers], cases: Sequence[Numbers]) -> list[str
     return found
 
 
-def _seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
+def _describe_seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
     """The number of seeds of random points on each side, in words; "" if no points are random."""
     told, least = [], 2
     for side, numbers in zip(sides, zip(*(case.seeds for case in cases), strict=True), strict=True):

@@ -64,12 +64,12 @@ class Summary:
         for name, text in texts.items():
             with replacing(folder / name) as part:
                 part.write_text(text + "\n" if not text.endswith("\n") else text, encoding="utf-8")
-        cells = self.cells.map(_shortened)
+        cells = self.cells.map(_shorten)
         with replacing(folder / "cells.parquet") as part:
             cells.to_parquet(part, index=False, compression="zstd")
 
 
-def _shortened(value: Any) -> Any:
+def _shorten(value: Any) -> Any:
     """A text of a cell, shortened: JSON without the folders of files, only the last line of a traceback."""
     if not isinstance(value, str):
         return value

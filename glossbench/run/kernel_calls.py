@@ -20,9 +20,9 @@ from glossbench.scene.points import View
 from glossbench.shading.image import shade
 from glossbench.shading.kernels.backend import choosing
 from glossbench.shading.kernels.build import Call
-from glossbench.shading.method import Method, budget_of
+from glossbench.shading.method import Method, find_budget_option
 from glossbench.shading.stage_cache import StageCache
-from glossbench.study.cells import Cell, text_of
+from glossbench.study.cells import Cell, to_text
 from glossbench.truth.reference import FIRST_SAMPLES, N_REPLICATES, compute_reference
 
 PIXELS, TEXELS = 12, 32  # along an edge of the views, and of the light
@@ -64,7 +64,7 @@ def calls_of(
         def reference(view: View, cell: Cell = cell) -> None:
             compute_reference(light, copy_of(cell.material), view, 1e9, first)
 
-        references = _groups(alike, lambda cell: [text_of(each) for each in (cell.light, cell.material, cell.view)])
+        references = _groups(alike, lambda cell: [to_text(each) for each in (cell.light, cell.material, cell.view)])
         times = sqrt(max_samples / first) * sum(_enlargement(each[0].view) for each in references)
         _add(found, _recorded(reference, cell.view, patience), times)
     return list(found.values())
@@ -103,7 +103,7 @@ def _groups(cells: Iterable[Cell], key: Callable[[Cell], Any]) -> list[list[Cell
 
 def _kind(item: Options) -> list[Any]:
     """The name of an item and those of its options that may decide which kernels it calls."""
-    budget = budget_of(type(item)) if isinstance(item, Method) else ""
+    budget = find_budget_option(type(item)) if isinstance(item, Method) else ""
     named = {
         name: value for name, value in item.as_dict().items() if name not in (budget, "seed", "resolution", "width")
     }
@@ -117,7 +117,7 @@ def _without_reals(value: Any) -> Any:
 
 
 def _budget(cell: Cell) -> Any:
-    return getattr(cell.method, budget_of(type(cell.method)), 0) or 0
+    return getattr(cell.method, find_budget_option(type(cell.method)), 0) or 0
 
 
 def _small(view: View) -> View:

@@ -15,7 +15,7 @@ def hint(problem: str, lines: list[str], line: int, column: int) -> str:
     text = lines[line] if line < len(lines) else ""
     before, above = text[:column], next((each for each in reversed(lines[:line]) if each.strip()), "")
     if problem.startswith("mapping values are not allowed"):
-        return _second_colon(before, text[column + 1 :].strip(), above)
+        return _hint_at_second_colon(before, text[column + 1 :].strip(), above)
     if problem.startswith("could not find expected ':'"):
         item = re.match(r"\s*[-–—]\s*(\S.*)$", text)
         return f"; a plain dash and a space begin an item: - {item[1].strip()}" if item else "; a key needs a colon"
@@ -28,7 +28,7 @@ def hint(problem: str, lines: list[str], line: int, column: int) -> str:
     return ""
 
 
-def _second_colon(before: str, rest: str, above: str) -> str:
+def _hint_at_second_colon(before: str, rest: str, above: str) -> str:
     """The hint for a colon inside a value."""
     pair = re.match(r"(\s*(?:- +)*)([\w.]+): +(\S.*)$", before)
     if pair is None:

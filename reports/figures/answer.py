@@ -20,7 +20,7 @@ class Answer(Figure):
     in_reports = False  # reports begin with it
 
     def printed(self, report: Report, press: Press, **given: Any) -> dict[str, Any]:
-        found = report.answer_under(given["metric"])
+        found = report.find_answer(given["metric"])
         if found is None:
             raise InputError(f"{report.results.folder} has no cell with an image and {given['metric']}")
-        return {"kind": "crops", **PrintedGroup(report.results, found.group, press).crops(found.cells)}
+        return {"kind": "crops", **PrintedGroup(report.results, found.group, press).arrange_crops(found.cells)}

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from ..figure import FIGURES, Figure
 from ..model.options import CropsOption, ErrorOption, GroupOption, Option
 from ..model.report import Report
-from ..model.selection import middle_budgets
+from ..model.selection import choose_middle_budgets
 from ..print.images import PrintedGroup
 from ..typesetting import Press
 
@@ -21,4 +21,4 @@ class Crops(Figure):
     def printed(self, report: Report, press: Press, **given: Any) -> dict[str, Any]:
         group = given["group"]
         printed = PrintedGroup(report.results, group, press, given["metric"])
-        return {"kind": "crops", **printed.crops(middle_budgets(group), given["crop"])}
+        return {"kind": "crops", **printed.arrange_crops(choose_middle_budgets(group), given["crop"])}

@@ -6,10 +6,18 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from glossbench.columns import CONDITIONS
-from glossbench.study.labels import budget_of, identity, listed, names_of, number_in, stated, told_apart
+from glossbench.study.labels import (
+    distinguish_rows,
+    format_options,
+    identify,
+    name_items,
+    read_budget,
+    read_number,
+    read_stated,
+)
 
-from ..style import looks
-from .conditions import Group, methods_of
+from ..style import assign_looks
+from .conditions import Group, list_methods
 
 SAMPLES = "samples"
 FEW_LINES = 6  # a printed plot with more lines is divided
@@ -82,13 +90,15 @@ class Sweep:
 
     def value(self, row: Mapping[str, Any]) -> float | None:
         """The number of a cell; None if the cell does not have it."""
-        return number_in(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
+        return read_number(
+            row["n_samples"] if self.name == SAMPLES else _read_options(row, self.kind).get(self.parameter)
+        )
 
     def point(self, row: Mapping[str, Any]) -> tuple[int, Any]:
         """What a cell shares with the same cell under another light: its line and its stated value."""
         asked: Any = self.value(row)
         if self.name == SAMPLES:
-            budget = budget_of(row)
+            budget = read_budget(row)
             asked = asked if budget is None else budget
         elif not self.kind and _is_tuned(row, self.parameter):
             asked = "tuned"  # its value differs between lights
@@ -112,7 +122,7 @@ class Place(NamedTuple):
         return [group for groups in self.lights for group in groups]
 
 
-def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ()) -> dict[str, Sweep]:
+def find_sweeps(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ()) -> dict[str, Sweep]:
     """The swept quantities by name; "samples" is always present. The first is the report's default axis.
 
     It is a quantity with at least `FEWEST` values: (1) one that a slope claim uses, (2) samples, (3) the one with the
@@ -120,12 +130,12 @@ def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ())
     """
     rows = [cell.row for group in groups for cell in group.done]
     found: list[Sweep] = []
-    for name in [SAMPLES, *_candidates(rows)]:
-        sweep = Sweep(name, _labels(groups, name))
-        n_values = max((_n_values(place) for place in places_of(groups, sweep)), default=1)
+    for name in [SAMPLES, *_find_candidates(rows)]:
+        sweep = Sweep(name, _label_lines(groups, name))
+        n_values = max((_n_values(place) for place in find_places(groups, sweep)), default=1)
         if n_values > 1 or name == SAMPLES:
             found.append(Sweep(name, sweep.labels, n_values))
-    asked = (named(found, claim["over"]) for claim in claims if "over" in claim)
+    asked = (find_named(found, claim["over"]) for claim in claims if "over" in claim)
     wanted = [*(sweeps[0].name for sweeps in asked if sweeps), SAMPLES]
 
     def rank(sweep: Sweep) -> tuple[int, int, bool]:
@@ -136,7 +146,7 @@ def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ())
     return {sweep.name: sweep for sweep in sorted(found, key=rank)}
 
 
-def named(sweeps: Iterable[Sweep], name: str) -> list[Sweep]:
+def find_named(sweeps: Iterable[Sweep], name: str) -> list[Sweep]:
     """The sweeps that a name may mean: "samples", a full name such as material.alpha, or a short name, alpha."""
     known = list(sweeps)
     exact = [sweep for sweep in known if name == sweep.full_name]
@@ -154,14 +164,14 @@ def with_costs(sweeps: Mapping[str, Sweep]) -> list[Sweep]:
     ]
 
 
-def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
+def find_places(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
     """A place for the groups that differ only in the sweep; and for each material and view the mean over lights."""
     rows = [cell.row for group in groups for cell in group.cells]
     without = {kind: sweep.parameter if kind == sweep.kind else "" for kind in CONDITIONS}
-    names = {kind: names_of(kind, rows, without[kind]) for kind in CONDITIONS}
+    names = {kind: name_items(kind, rows, without[kind]) for kind in CONDITIONS}
     alike: dict[tuple[str, ...], list[Group]] = {}
     for group in groups:
-        alike.setdefault(tuple(identity(kind, group.cells[0].row, without[kind]) for kind in CONDITIONS), []).append(
+        alike.setdefault(tuple(identify(kind, group.cells[0].row, without[kind]) for kind in CONDITIONS), []).append(
             group
         )
     found, shared = [], dict[str, list[list[Group]]]()
@@ -180,18 +190,18 @@ def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
     return [*found, *means]
 
 
-def _options(row: Mapping[str, Any], kind: str) -> Mapping[str, Any]:
+def _read_options(row: Mapping[str, Any], kind: str) -> Mapping[str, Any]:
     options: Mapping[str, Any] = row[f"{kind}_options" if kind else "options"]
     return options
 
 
-def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def _find_candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Options and parameters with more than one number, without tuned options."""
     numbers: dict[str, set[float]] = {}
     for row in rows:
         for kind in ("", *CONDITIONS):
-            for key, value in _options(row, kind).items():
-                number = number_in(value)
+            for key, value in _read_options(row, kind).items():
+                number = read_number(value)
                 if number is None or key in ASIDE or (kind == "" and _is_tuned(row, key)):
                     continue
                 if kind == "" and key == SAMPLES:
@@ -202,7 +212,7 @@ def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return [name for name, values in numbers.items() if len(values) > 1]
 
 
-def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
+def _label_lines(groups: Sequence[Group], over: str) -> dict[str, Label]:
     """The label of each cell's line, by the cell's key. A line is a method with the options that distinguish it.
 
     If the names of other lines contain their budgets, the only budget of a method is in its name, too.
@@ -211,12 +221,14 @@ def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
     rows = [cell.row for cell in cells]
     names: dict[str, str] = {}  # by key of a cell
     lines: dict[str, tuple[str, dict[str, str], str]] = {}  # method, options and budget, by name
-    told = [options for _, options in told_apart(rows, _told_over(over))]
+    told = [options for _, options in distinguish_rows(rows, _name_option(over))]
     has_budgets = any(row["budget"] in options for row, options in zip(rows, told, strict=True))
     for row, options in zip(rows, told, strict=True):
-        sole = {row["budget"]: row["options"].get(row["budget"])} if has_budgets and budget_of(row) is not None else {}
-        called = listed(
-            options | {key: value for key, value in sole.items() if key not in (*options, _told_over(over))}
+        sole = (
+            {row["budget"]: row["options"].get(row["budget"])} if has_budgets and read_budget(row) is not None else {}
+        )
+        called = format_options(
+            options | {key: value for key, value in sole.items() if key not in (*options, _name_option(over))}
         )
         name = f"{row['method']} ({called})" if called else str(row["method"])
         names[row["key"]] = name
@@ -224,12 +236,12 @@ def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
     of_methods: dict[str, list[dict[str, str]]] = {}
     for method, options, _ in lines.values():
         of_methods.setdefault(method, []).append(options)
-    leading = {method: _leading(own) for method, own in of_methods.items()}
+    leading = {method: _choose_leading(own) for method, own in of_methods.items()}
     count = Counter((method, options.get(leading[method])) for method, options, _ in lines.values())
     divided = {method for (method, _), n in count.items() if n > 1 and len(lines) > FEW_LINES}
-    hues = methods_of(groups)
+    hues = list_methods(groups)
     labels: dict[str, Label] = {}
-    drawn = looks([method for method, _, _ in lines.values()], hues)
+    drawn = assign_looks([method for method, _, _ in lines.values()], hues)
     alike: Counter[tuple[str, str | None]] = Counter()
     for index, ((name, (method, options, budget)), (colour, dash)) in enumerate(zip(lines.items(), drawn, strict=True)):
         led = method, options.get(leading[method])
@@ -240,11 +252,11 @@ def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
     return {key: labels[name] for key, name in names.items()}
 
 
-def _told_over(name: str) -> str | None:
+def _name_option(name: str) -> str | None:
     return None if name == SAMPLES else name.removeprefix("method.")
 
 
-def _leading(lines: Sequence[Mapping[str, str]]) -> str:
+def _choose_leading(lines: Sequence[Mapping[str, str]]) -> str:
     """The option that divides the lines most evenly: its most frequent value has the fewest lines."""
     keys = dict.fromkeys(key for line in lines for key in line)
     most = {key: max(Counter(line.get(key) for line in lines).values()) for key in keys}
@@ -252,7 +264,7 @@ def _leading(lines: Sequence[Mapping[str, str]]) -> str:
 
 
 def _is_tuned(row: Mapping[str, Any], option: str) -> bool:
-    return stated(row).get(option) != row["options"].get(option)
+    return read_stated(row).get(option) != row["options"].get(option)
 
 
 def _n_values(place: Place) -> int:

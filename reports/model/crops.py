@@ -21,12 +21,12 @@ class Crop(NamedTuple):
     width: int
     height: int
 
-    def of(self, image: Pixels) -> Pixels:
+    def cut(self, image: Pixels) -> Pixels:
         """The part of an image (H, W, ...) in the window."""
         return image[self.y : self.y + self.height, self.x : self.x + self.width]
 
 
-def crops_of(errors: Sequence[Floats], mask: Mask, limit: float, n: int = 2) -> list[Crop]:
+def choose_crops(errors: Sequence[Floats], mask: Mask, limit: float, n: int = 2) -> list[Crop]:
     """At most n square windows that do not overlap, each with the largest mean |error| outside the earlier ones.
 
     Errors (H, W) are those of all compared images. They are clipped at `limit`, so that no single pixel decides,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from glossbench.findings.descriptions import Descriptions
 
-from .notation import Run, runs
+from .notation import Run, split_runs
 
 ABSENT = "It belongs to a plug-in that is not installed here."
 INSTALLED = "The results do not describe their methods; these descriptions are those of the installed methods."
@@ -35,32 +35,32 @@ class Definition(NamedTuple):
     formula: str
 
 
-def defined(names: Sequence[str], known: Descriptions) -> list[Definition]:
+def define_metrics(names: Sequence[str], known: Descriptions) -> list[Definition]:
     """The metrics of these columns."""
     found = []
     for name in names:
-        of = known.of("metric", name) or known.of("metric", name.partition(" ")[0])
+        of = known.find("metric", name) or known.find("metric", name.partition(" ")[0])
         found.append(Definition(name, "" if of is None or of.unit == "1" else of.unit, of.formula if of else ""))
     return found
 
 
-def described(names: Sequence[str], known: Descriptions) -> list[MethodText]:
+def describe_methods(names: Sequence[str], known: Descriptions) -> list[MethodText]:
     """The methods with these names, in this order; the text of an unknown method says that it is unknown."""
-    return [_described(name, known) for name in dict.fromkeys(names)]
+    return [_describe_method(name, known) for name in dict.fromkeys(names)]
 
 
-def _described(name: str, known: Descriptions) -> MethodText:
-    found = known.of("method", name)
+def _describe_method(name: str, known: Descriptions) -> MethodText:
+    found = known.find("method", name)
     if found is None:
-        return MethodText(name, "", [runs(ABSENT)], "")
+        return MethodText(name, "", [split_runs(ABSENT)], "")
     paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", found.text)]
     text = [part for part in paragraphs if not part.startswith(("Attributes:", "Args:", "Source:"))]
     if found.equation and text:
-        text[0] = _after_formulas(text[0])
-    return MethodText(name, found.equation, [runs(part) for part in text if part], found.source)
+        text[0] = _remove_formulas(text[0])
+    return MethodText(name, found.equation, [split_runs(part) for part in text if part], found.source)
 
 
-def _after_formulas(text: str) -> str:
+def _remove_formulas(text: str) -> str:
     """A paragraph without the formulas at its beginning, which the equation already shows."""
     begin = depth = 0
     for end, letter in enumerate(text, 1):

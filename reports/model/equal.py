@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .axes import Place
-from .lines import Measured, axis_of
+from .lines import MeasuredLine, make_axis
 from .panels import Axis, Floats
 
 FEWEST_COLUMNS, MOST_COLUMNS = 3, 6
@@ -41,7 +41,7 @@ class EqualTable(NamedTuple):
     """
 
     at: Sequence[float]
-    lines: Sequence[Measured]
+    lines: Sequence[MeasuredLine]
     rows: Sequence[Sequence[Value | None]]
     best: Sequence[int | None]
 
@@ -56,7 +56,7 @@ class EqualTable(NamedTuple):
         return any(len(line.x) == 1 for line in self.lines)
 
 
-class Equal(NamedTuple):
+class EqualTables(NamedTuple):
     """The two tables of one place over samples (counted from 1) and one metric; one table may be None."""
 
     number: int
@@ -75,7 +75,7 @@ class Curve(NamedTuple):
     high: Floats
     error: Floats
 
-    def error_at(self, time: float) -> Value | None:
+    def interpolate_error(self, time: float) -> Value | None:
         """Linear interpolation between points. A single point has its error at any time that is long enough."""
         at = log(time)
         if not len(self.time) or at < self.time[0] or (len(self.time) > 1 and at > self.time[-1]):
@@ -101,38 +101,38 @@ class Curve(NamedTuple):
                 return Value(*map(exp, times))
         return None
 
-    def least_error(self, time: float) -> float:
+    def find_least_error(self, time: float) -> float:
         """The lowest error of the points that take at most this time; infinite without such a point."""
         return exp(self.error[self.time <= log(time)].min(initial=inf))
 
-    def least_time(self, error: float) -> float:
+    def find_least_time(self, error: float) -> float:
         """The shortest time of the points with at most this error; infinite without such a point."""
         return exp(self.time[self.error <= log(error)].min(initial=inf))
 
 
-def equal_tables(number: int, place: Place, metric: str, lines: Sequence[Measured]) -> Equal | None:
+def make_equal_tables(number: int, place: Place, metric: str, lines: Sequence[MeasuredLine]) -> EqualTables | None:
     """Both tables of a place and metric; None if no two lines can be compared."""
-    axis = axis_of(place, metric)
-    by_time, by_error = error_at_time(lines, axis), time_at_error(lines, axis)
-    return Equal(number, place, metric, axis, by_time, by_error) if by_time or by_error else None
+    axis = make_axis(place, metric)
+    by_time, by_error = compare_errors(lines, axis), compare_times(lines, axis)
+    return EqualTables(number, place, metric, axis, by_time, by_error) if by_time or by_error else None
 
 
-def error_at_time(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
+def compare_errors(lines: Sequence[MeasuredLine], axis: Axis) -> EqualTable | None:
     """The error of each line at round shading times [ms]; None if no two lines share a time."""
-    curves = [_curve(line, axis) for line in lines]
+    curves = [_make_curve(line, axis) for line in lines]
     ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time)]
-    return _table(ends, lines, curves, Curve.error_at, Curve.least_error)
+    return _make_table(ends, lines, curves, Curve.interpolate_error, Curve.find_least_error)
 
 
-def time_at_error(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
+def compare_times(lines: Sequence[MeasuredLine], axis: Axis) -> EqualTable | None:
     """The shortest shading time [ms] at which each line reaches round errors; None if no two lines share an error."""
-    curves = [_curve(line, axis) for line in lines]
+    curves = [_make_curve(line, axis) for line in lines]
     ends = [(c.error.min(), c.error[0]) for c in curves if len(c.error)]
-    table = _table(ends, lines, curves, Curve.time_at, Curve.least_time)
+    table = _make_table(ends, lines, curves, Curve.time_at, Curve.find_least_time)
     return table and EqualTable(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
 
 
-def _curve(line: Measured, axis: Axis) -> Curve:
+def _make_curve(line: MeasuredLine, axis: Axis) -> Curve:
     """The curve through the points that the reference resolves."""
     time, error = line.costs["shade"], line.errors
     low, high = line.spread or (time, time)
@@ -141,8 +141,8 @@ def _curve(line: Measured, axis: Axis) -> Curve:
     return Curve(*(np.log(each[use][order]) for each in (time, low, high, error)))
 
 
-def _table(
-    ends: Sequence[tuple[float, float]], lines: Sequence[Measured], curves: Sequence[Curve],
+def _make_table(
+    ends: Sequence[tuple[float, float]], lines: Sequence[MeasuredLine], curves: Sequence[Curve],
     value_at: Callable[[Curve, float], Value | None], least_at: Callable[[Curve, float], float],
 ) -> EqualTable | None:  # fmt: skip
     """A table of columns in which at least two lines have a value; of many columns, some at even distances.
@@ -164,11 +164,11 @@ def _table(
     if not shared:
         return None
     rows = [[columns[at][i] for at in shared] for i in range(len(with_points))]
-    best = [_best(columns[at], [least_at(curve, at) for _, curve in with_points]) for at in shared]
+    best = [_find_best(columns[at], [least_at(curve, at) for _, curve in with_points]) for at in shared]
     return EqualTable(shared, [line for line, _ in with_points], rows, best)
 
 
-def _best(column: Sequence[Value | None], least: Sequence[float]) -> int | None:
+def _find_best(column: Sequence[Value | None], least: Sequence[float]) -> int | None:
     """The index of the lowest value; None if its interval overlaps another, or a line without a value is lower."""
     (first, best), *others = sorted(
         ((i, value) for i, value in enumerate(column) if value is not None), key=lambda pair: pair[1]

@@ -15,7 +15,7 @@ ERRORS = {
 }
 
 
-def error(mode: str, x: Floats, y: Floats) -> Floats:
+def compute_error(mode: str, x: Floats, y: Floats) -> Floats:
     """The error of each pixel of radiance (..., 3), by the formula in ERRORS; not for FLIP."""
     d = x - y
     match mode:

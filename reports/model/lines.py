@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from glossbench.columns import COLUMNS
-from glossbench.findings.estimates import Estimate, estimate_of
+from glossbench.findings.estimates import Estimate, estimate_metric
 
 from .axes import Label, Place
 from .conditions import Cell, Group
@@ -28,7 +28,7 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredLine:
     """One method with its options, measured at each value of the swept quantity, in increasing order.
 
     Attributes:
@@ -72,7 +72,7 @@ class Measured:
         return float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
 
 
-def axis_of(place: Place, metric: str) -> Axis:
+def make_axis(place: Place, metric: str) -> Axis:
     """The axis of a metric; a signed metric is plotted by its absolute value."""
     column = place.groups[0].columns[metric]
     unit = f" [{column.unit}]" if column.unit else ""
@@ -82,15 +82,17 @@ def axis_of(place: Place, metric: str) -> Axis:
     return Axis(label, metric, floor, is_log=column.lower_is_better)
 
 
-def measured_at(place: Place, metric: str, estimate: Callable[[Row, str], Estimate] = estimate_of) -> list[Measured]:
+def measure_lines(
+    place: Place, metric: str, estimate: Callable[[Row, str], Estimate] = estimate_metric
+) -> list[MeasuredLine]:
     """The lines of a metric, in the order of the study; the cells of the first light determine their points.
 
     Args:
         estimate: a metric of a row with its uncertainty.
     """
-    is_log = axis_of(place, metric).is_log
+    is_log = make_axis(place, metric).is_log
     alike = [
-        {place.sweep.point(cell.row): cell.row for group in groups for cell in _plotted(place, group, metric)}
+        {place.sweep.point(cell.row): cell.row for group in groups for cell in _select_plotted(place, group, metric)}
         for groups in place.lights
     ]
     complete = {point: row for point, row in alike[0].items() if all(point in others for others in alike)}
@@ -100,27 +102,27 @@ def measured_at(place: Place, metric: str, estimate: Callable[[Row, str], Estima
         sorted(complete, key=lambda point: (point[0], values[point])), key=lambda point: point[0]
     ):
         points = [[rows[point] for rows in alike] for point in members]
-        errors, band = _mean([[row[metric] for row in point] for point in points], is_log)
+        errors, band = _average([[row[metric] for row in point] for point in points], is_log)
         lines.append(
-            Measured(
+            MeasuredLine(
                 place.sweep.labels[points[0][0]["key"]],
                 np.array([place.sweep.value(point[0]) for point in points], float),
                 {
-                    cost: np.array([sum(_cost(row, cost) for row in point) / len(point) for point in points])
+                    cost: np.array([sum(_read_cost(row, cost) for row in point) / len(point) for point in points])
                     for cost in COSTS
                 },
                 errors,
                 np.array([any(row["at_noise_floor"] for row in point) for point in points]),
                 [point[0]["key"] for point in points] if len(alike) == 1 else (),
                 band,
-                _interval([estimate(point[0], metric) for point in points], is_log) if len(alike) == 1 else None,
-                _spread(points),
+                _read_interval([estimate(point[0], metric) for point in points], is_log) if len(alike) == 1 else None,
+                _read_spread(points),
             )
         )
     return lines
 
 
-def named(labels: Sequence[Label]) -> tuple[str, list[str]]:
+def name_lines(labels: Sequence[Label]) -> tuple[str, list[str]]:
     """A title, and a name for each line. A method that all lines share is the title; the names are then the options."""
     methods = {label.method for label in labels}
     options = {tuple(label.options) for label in labels}
@@ -130,7 +132,7 @@ def named(labels: Sequence[Label]) -> tuple[str, list[str]]:
     return title, [", ".join(label.options.values()) for label in labels]
 
 
-def front(lines: Sequence[Measured], cost: str, axis: Axis) -> list[Mask]:
+def find_front(lines: Sequence[MeasuredLine], cost: str, axis: Axis) -> list[Mask]:
     """For each line, its points on the Pareto front: no other is better in cost or error and as good in the other.
 
     Errors that the reference cannot resolve count as equal to the largest of them.
@@ -152,11 +154,11 @@ def front(lines: Sequence[Measured], cost: str, axis: Axis) -> list[Mask]:
     return masks
 
 
-def _plotted(place: Place, group: Group, metric: str) -> list[Cell]:
+def _select_plotted(place: Place, group: Group, metric: str) -> list[Cell]:
     return [cell for cell in group.done if place.sweep.value(cell.row) is not None and cell.row.get(metric) is not None]
 
 
-def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floats] | None:
+def _read_spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floats] | None:
     """Shading time [ms] of the fastest and of the slowest run, each the mean over lights."""
     ends = ("shade_seconds_low", "shade_seconds_high")
     if any(row.get(end) is None for point in points for row in point for end in ends):
@@ -165,7 +167,7 @@ def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floa
     return low, high
 
 
-def _interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] | None:
+def _read_interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] | None:
     """The ends of each interval; on a logarithmic axis, those of the logarithm of the absolute value."""
     half = np.array([each.half_width for each in found])
     if not (np.isfinite(half) & (half > 0)).any():
@@ -179,14 +181,14 @@ def _interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] 
     return size / factor, size * factor
 
 
-def _cost(row: Mapping[str, Any], cost: str) -> float:
+def _read_cost(row: Mapping[str, Any], cost: str) -> float:
     if cost in ("shade", "memory"):
         column = COLUMNS["shade_seconds" if cost == "shade" else "state_bytes"]
         return column.scale * float(row[column.name])
     return _UPDATE.scale * float(row[_UPDATE.name].get(cost, 0))
 
 
-def _mean(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:
+def _average(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:
     """The mean over lights of each point and, with at least three lights, its confidence interval by Student's t.
 
     On a logarithmic axis the logarithms are averaged.

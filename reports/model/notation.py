@@ -36,7 +36,7 @@ class Run(NamedTuple):
     sup: str = ""
 
 
-def runs(text: str) -> list[Run]:
+def split_runs(text: str) -> list[Run]:
     """A text in pieces: single letters and Greek names as symbols, p_h with an index, x^2 with a power, `code`.
 
     Longer names, such as those of options (mip_bias), stay as they are.

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError, suggest_nearest
 
-from .axes import Place, Sweep, named, with_costs
+from .axes import Place, Sweep, find_named, with_costs
 from .conditions import Group
 from .crops import Crop
 from .lines import COSTS
@@ -59,7 +59,7 @@ class MetricOption:
         if text is None:
             return report.metrics[0] if report.metrics else "rms"
         if text not in report.measured and not (self.with_costs and text in COSTS):
-            raise InputError(f"{report.results.folder} has no metric {text!r}{nearest(text, report.measured)}")
+            raise InputError(f"{report.results.folder} has no metric {text!r}{suggest_nearest(text, report.measured)}")
         return text
 
 
@@ -79,7 +79,7 @@ class AxisOption:
         known: list[Sweep] = [choice.value for choice in self.choices(report, given)]
         if text is None:
             return known[0]
-        found = named(known, text)
+        found = find_named(known, text)
         if len(found) > 1:
             meant = " or ".join(axis.full_name for axis in found)
             raise InputError(f"--over {text} may mean {meant}: say which")
@@ -95,7 +95,7 @@ class PlaceOption:
     title = "At"
 
     def choices(self, report: Report, given: Mapping[str, Any]) -> list[Choice]:
-        return _numbered(report.places(given["over"]))
+        return _number_members(report.places(given["over"]))
 
     def asked(self, report: Report, given: Mapping[str, Any], number: int | None) -> Place:
         place: Place = _pick(report, self.choices(report, given), number)
@@ -108,7 +108,7 @@ class GroupOption:
     title = "At"
 
     def choices(self, report: Report, given: Mapping[str, Any]) -> list[Choice]:
-        return _numbered(report.done)
+        return _number_members(report.done)
 
     def asked(self, report: Report, given: Mapping[str, Any], number: int | None) -> Group:
         group: Group = _pick(report, self.choices(report, given), number)
@@ -148,7 +148,7 @@ class CropsOption:
         return crops
 
 
-def _numbered(members: Sequence[Group | Place]) -> list[Choice]:
+def _number_members(members: Sequence[Group | Place]) -> list[Choice]:
     return [Choice(str(i), each.title, each) for i, each in enumerate(members, 1)]
 
 

@@ -43,7 +43,7 @@ class Axis:
         return np.isfinite(values) & ((values > 0) | (not self.is_log))
 
 
-class Beside(NamedTuple):
+class SideNumber(NamedTuple):
     """Another number of each point of a line, with its interval; the page shows it at the pointer."""
 
     title: str
@@ -77,7 +77,7 @@ class Line:
     interval: Ends | None = None
     spread: Ends | None = None
     slope: float | None = None
-    beside: Sequence[Beside] = ()
+    beside: Sequence[SideNumber] = ()
 
     @property
     def is_hollow(self) -> Mask:
@@ -144,6 +144,6 @@ class Panels:
     note: str = ""
 
 
-def shown(panels: Sequence[Panel]) -> list[Panel]:
+def select_shown(panels: Sequence[Panel]) -> list[Panel]:
     """The panels that are drawn: all except last resorts; if there are no others, the first last resort."""
     return [panel for panel in panels if not panel.is_last_resort] or list(panels[:1])

@@ -7,7 +7,7 @@ import pandas
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
-def csv_link(cells: pandas.DataFrame) -> str:
+def make_csv_link(cells: pandas.DataFrame) -> str:
     """All columns with all digits, as the target of a link.
 
     A text that a spreadsheet would run as a formula gets an apostrophe in front, because names come from a study.

@@ -4,16 +4,16 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..style import number
+from ..style import format_number
 
 BUSY = 0.1  # a larger share of the processor time in other programs is reported
 
 
-def spread_of(middle: float | None, low: float | None, high: float | None) -> str:
+def format_spread(middle: float | None, low: float | None, high: float | None) -> str:
     """The fastest and the slowest of several runs, in the given unit; "" if they are equal or not known."""
     if middle is None or low is None or high is None or not low < high:
         return ""
-    return f"{number(low, 2)} to {number(high, 2)}"
+    return f"{format_number(low, 2)} to {format_number(high, 2)}"
 
 
 def time_notes(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -23,13 +23,13 @@ class Script(NamedTuple):
     hash: str
 
 
-def module(names: Sequence[str]) -> Script:
+def join_module(names: Sequence[str]) -> Script:
     """Files of the templates, joined in this order into one module; the files of a module share one scope."""
     source = "\n" + "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in names)
     return Script(Markup(source), f"sha256-{b64encode(sha256(source.encode()).digest()).decode()}")
 
 
-def policy(scripts: Sequence[Script]) -> str:
+def state_policy(scripts: Sequence[Script]) -> str:
     """A policy by which the page may only run these scripts, run scripts that they add, and show its own images."""
     allowed = " ".join(f"'{script.hash}'" for script in scripts)
     return (

@@ -12,7 +12,7 @@ from glossbench.brdf.lafortune import Lafortune
 from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.mixture import Sum
 from glossbench.brdf.phong import Phong
-from glossbench.catalog.entries import entries
+from glossbench.catalog.entries import list_entries
 from glossbench.directions import Vec3, points_2d
 from glossbench.envmap.lights.synthetic import Gradient
 from glossbench.errors import InputError
@@ -42,7 +42,7 @@ WEIGHTS = (0.7, 0.3, 0.2, 1.5)
 def built_in():
     """Every material whose options have defaults and that needs no file."""
     made = []
-    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in entries("brdf")}):
+    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in list_entries("brdf")}):
         try:
             made.append(MATERIALS.create(name, {}))
         except InputError:

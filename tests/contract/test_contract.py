@@ -13,9 +13,9 @@ from glossbench.contract import method_check as contract
 from glossbench.contract.cases import (
     FURNACE_MATERIALS,
     GivenPoints,
-    general_points,
-    hard_points,
-    truth_for,
+    build_general_points,
+    build_hard_points,
+    build_truth,
     turn,
     turn_light,
 )
@@ -48,7 +48,7 @@ OWN = [name for name in METHODS.names() if METHODS.get(name).__module__.startswi
 
 @pytest.fixture(scope="module")
 def truth():
-    return truth_for(Sound())
+    return build_truth(Sound())
 
 
 @pytest.mark.parametrize("check", [c for c in CHECKS if c is not check_converges], ids=lambda c: c.__name__)
@@ -416,7 +416,7 @@ def test_a_turned_light_shines_from_the_turned_direction(axis):
     assert not torch.allclose(turned, (1 + d @ rotation.T) / 2, atol=0.1)
 
 
-@pytest.mark.parametrize("points", [general_points(), hard_points()], ids=["general", "hard"])
+@pytest.mark.parametrize("points", [build_general_points(), build_hard_points()], ids=["general", "hard"])
 def test_points_have_right_handed_frames_and_viewers_above(points):
     t, b, n, wo = points.t, points.b, points.n, points.wo
 
@@ -431,7 +431,7 @@ def test_points_have_right_handed_frames_and_viewers_above(points):
 
 
 def test_hard_points_look_along_every_axis_edge_and_corner_and_graze():
-    points = hard_points()
+    points = build_hard_points()
 
     assert len(points) == 3 * 26
     assert (dot(points.n, points.wo) < 2e-4).sum() == 26
@@ -457,7 +457,7 @@ def test_the_albedo_of_the_furnace_is_the_midpoint_integral_of_the_material(mate
 
 
 def test_given_points_are_a_view_of_one_row():
-    points = general_points(7)
+    points = build_general_points(7)
 
     image = shade(Sound(samples=4), Gradient(resolution=8).cubemap(), Kurt(), GivenPoints(points), time_it=False)
 

@@ -7,8 +7,16 @@ from scipy import ndimage
 
 import glossbench as gb
 from glossbench.directions import Vec3, stack, vec3
-from glossbench.envmap.cubemap import CubeMap, bordered, texel_directions
-from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, finest, lookup, mip_levels, weighted_radiance
+from glossbench.envmap.cubemap import CubeMap, add_border, texel_directions
+from glossbench.envmap.pyramid import (
+    FILTERS,
+    Pyramid,
+    build_mip_levels,
+    build_pyramid,
+    finest,
+    lookup,
+    weighted_radiance,
+)
 from oracles.cube_by_hand import FACES
 
 
@@ -120,12 +128,12 @@ def test_a_gradient_stays_linear_except_for_the_curvature_of_the_sphere(mip_filt
 
 def test_the_gradient_check_notices_a_neighbour_read_the_wrong_way_round():
     def wrong(images, width):
-        out = bordered(images, width)
+        out = add_border(images, width)
         out[:, :width] = out[:, :width].flip(2)
         return out
 
     faces = gb.light("gradient", resolution=64).faces
-    level = Pyramid(*mip_levels(faces, FILTERS["gauss4"], wrong)).level(1)
+    level = Pyramid(*build_mip_levels(faces, FILTERS["gauss4"], wrong)).level(1)
 
     with pytest.raises(AssertionError):
         check_gradient(level, 64, "gauss4")
@@ -213,7 +221,7 @@ def test_the_seam_check_notices_a_border_without_the_neighbours(fault):
         planes = images.permute(0, 3, 1, 2)
         return torch.nn.functional.pad(planes, (width,) * 4, mode).permute(0, 2, 3, 1).contiguous()
 
-    pyramid = Pyramid(*mip_levels(random_light(32).faces, FILTERS["box"], wrong))
+    pyramid = Pyramid(*build_mip_levels(random_light(32).faces, FILTERS["box"], wrong))
 
     seam = largest_seam(pyramid)
 

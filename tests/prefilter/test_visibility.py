@@ -435,7 +435,7 @@ def test_sums_of_another_seed_scene_or_source_are_not_taken_up(tmp_path, monkeyp
 
     assert (other.radiance == unbroken(1).radiance).all()
     assert len(list(tmp_path.iterdir())) == 1
-    monkeypatch.setattr(checkpoint_module, "code_hash", lambda *modules: "another version")
+    monkeypatch.setattr(checkpoint_module, "compute_code_hash", lambda *modules: "another version")
     assert (run(tmp_path).radiance == unbroken().radiance).all()
     assert len(list(tmp_path.iterdir())) == 1
 

@@ -7,16 +7,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from glossbench.findings.columns import column_of_metric
-from glossbench.reports.model.answer import answer_of
-from glossbench.reports.model.conditions import grouped
-from glossbench.reports.model.spreadsheet import csv_link
+from glossbench.findings.columns import make_metric_column
+from glossbench.reports.model.answer import find_answer
+from glossbench.reports.model.conditions import group_cells
+from glossbench.reports.model.spreadsheet import make_csv_link
 from glossbench.reports.style import polar
 from oracles.rows_by_hand import rows
 
 
 def answer(given):
-    return answer_of(grouped(given, [column_of_metric("rms")]), "rms")
+    return find_answer(group_cells(given, [make_metric_column("rms")]), "rms")
 
 
 def test_the_answer_is_where_methods_differ_most_relative_to_the_mean_of_the_reference():
@@ -53,9 +53,9 @@ def test_a_method_without_a_budget_is_shown_with_every_budget():
 
 
 def test_the_answer_is_of_the_budget_and_the_place_that_the_claim_is_about():
-    groups = grouped(rows([1, 2]), [column_of_metric("rms")])
+    groups = group_cells(rows([1, 2]), [make_metric_column("rms")])
 
-    found = answer_of(groups, "rms", [("nothing ran", ()), ("at 64", {"few-64-1", "many-64-1"})])
+    found = find_answer(groups, "rms", [("nothing ran", ()), ("at 64", {"few-64-1", "many-64-1"})])
 
     assert (found.budget, found.claim) == ("64 samples", "at 64")
     assert [cell.row["key"] for cell in found.cells] == ["few-64-1", "many-64-1"]
@@ -65,7 +65,7 @@ def test_the_answer_shows_the_claim_s_cells_of_its_methods_and_the_best_of_other
     given = [row | {"options": {"samples": row["n_samples"], "k": k}, "key": f"{row['key']}-{k}", "rms": row["rms"] * k}
              for row in rows([1]) for k in (1, 2)]  # fmt: skip
 
-    found = answer_of(grouped(given, [column_of_metric("rms")]), "rms", [("few with k 2", {"few-16-0-2"})])
+    found = find_answer(group_cells(given, [make_metric_column("rms")]), "rms", [("few with k 2", {"few-16-0-2"})])
 
     assert [cell.row["key"] for cell in found.cells] == ["few-16-0-2", "many-16-0-1"]
 
@@ -88,7 +88,7 @@ def test_without_an_image_there_is_no_answer():
 
 
 def test_a_spreadsheet_reads_no_name_as_a_formula():
-    link = csv_link(pd.DataFrame({"method": ["=HYPERLINK()", "@x", "plain"], "mean_error": [-0.1, 1 / 3, 2.0]}))
+    link = make_csv_link(pd.DataFrame({"method": ["=HYPERLINK()", "@x", "plain"], "mean_error": [-0.1, 1 / 3, 2.0]}))
 
     table = pd.read_csv(io.BytesIO(base64.b64decode(link.split(",", 1)[1])))
     assert table.method.tolist() == ["'=HYPERLINK()", "'@x", "plain"]

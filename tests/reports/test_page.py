@@ -266,7 +266,7 @@ def test_numbers_of_the_script_are_those_of_the_tables(page):
 
     said = page.do(f"{(TEMPLATES / 'numbers.js').read_text()}\n{json.dumps(values)}.map((value) => number(value))")
 
-    assert said == [style.number(value) for value in values]
+    assert said == [style.format_number(value) for value in values]
 
 
 def test_over_three_lights_a_line_has_a_band_which_the_pointer_brings_out(browser, tmp_path):
@@ -443,7 +443,7 @@ def check_harmless(browser, report):
 def test_the_check_of_names_notices_a_template_that_does_not_escape(browser, hostile, monkeypatch):
     plain = html.Environment
     monkeypatch.setattr(html, "Environment", lambda **options: plain(**options | {"autoescape": False}))
-    monkeypatch.setattr(html, "_templates", html._templates.__wrapped__)  # past its cache
+    monkeypatch.setattr(html, "_load_templates", html._load_templates.__wrapped__)  # past its cache
 
     with pytest.raises((AssertionError, TimeoutError)):
         check_harmless(browser, html.write_report(hostile))

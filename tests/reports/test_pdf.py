@@ -17,11 +17,11 @@ from glossbench.reports import raster, style, typesetting
 from glossbench.reports.figures import profile
 from glossbench.reports.model import crops
 from glossbench.reports.model.axes import Label
-from glossbench.reports.model.crops import Crop, crops_of
-from glossbench.reports.model.descriptions import described
-from glossbench.reports.model.notation import runs
+from glossbench.reports.model.crops import Crop, choose_crops
+from glossbench.reports.model.descriptions import describe_methods
+from glossbench.reports.model.notation import split_runs
 from glossbench.reports.print import pdf
-from glossbench.reports.print.images import middle_budgets
+from glossbench.reports.print.images import choose_middle_budgets
 from glossbench.run.figures import FIGURES
 from glossbench.run.results import Results
 from glossbench.shading.method import METHODS as REGISTERED
@@ -49,14 +49,14 @@ def report(folder):
 @pytest.fixture
 def plain(monkeypatch):
     """Plots and images take most of the time of a report; a check of text needs none."""
-    monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
-    monkeypatch.setattr(pdf, "_images", lambda *_: (None, []))
+    monkeypatch.setattr(pdf, "_arrange_plots", lambda *_: ([], []))
+    monkeypatch.setattr(pdf, "_arrange_images", lambda *_: (None, []))
 
 
 @pytest.fixture
 def imageless(monkeypatch):
     """What is said of plots needs no images."""
-    monkeypatch.setattr(pdf, "_images", lambda *_: (None, []))
+    monkeypatch.setattr(pdf, "_arrange_images", lambda *_: (None, []))
 
 
 def test_first_page_has_title_question_verdicts_and_a_picture(report):
@@ -78,7 +78,7 @@ def test_pages_hold_numbers_reasons_tracebacks_study_and_provenance(folder, repo
 
     cells = pd.read_parquet(folder / "cells.parquet")
     for _, cell in cells[(cells.status == "done") & ~cells.at_noise_floor].iterrows():
-        assert f" {style.number(cell.rms)} " in text
+        assert f" {style.format_number(cell.rms)} " in text
     assert text.count("skipped: the BRDF must be isotropic, m is (0.2, 0.075)") == 2
     assert text.count("Traceback (most recent call last): line 3 MethodError:") == 2
     for said in ("RMS ≤ 0.0040", "relative_error: 0.001", "glossbench run discs", "2.8.0", "Luksch, Christian"):
@@ -142,11 +142,11 @@ def test_error_maps_of_all_cells_are_in_the_pages_on_one_scale(folder, report):
 
 
 def test_the_check_notices_maps_on_their_own_scales(folder, monkeypatch):
-    error_map = raster.error_map
+    error_map = raster.draw_error_map
     monkeypatch.setattr(
-        raster, "error_map", lambda e, mask, _, *how: error_map(e, mask, 0.9 * np.abs(e[mask]).max(), *how)
+        raster, "draw_error_map", lambda e, mask, _, *how: error_map(e, mask, 0.9 * np.abs(e[mask]).max(), *how)
     )
-    monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
+    monkeypatch.setattr(pdf, "_arrange_plots", lambda *_: ([], []))
 
     with pytest.raises(AssertionError):
         check_maps(folder, pdf.write_report(folder).read_bytes())
@@ -206,19 +206,21 @@ def test_results_without_a_single_image_make_a_report(tmp_path):
 def test_every_registered_method_has_an_equation_that_can_be_set():
     with typesetting.Press() as press:
         for name in REGISTERED.names():
-            equation = described([name], INSTALLED)[0].equation
+            equation = describe_methods([name], INSTALLED)[0].equation
             assert equation, name
             assert press.is_equation(equation), name
         assert not press.is_equation("sum_(i=1 undefined_name")
 
 
 def test_a_method_is_described_by_the_text_after_its_formula():
-    told = {each.name: "".join(run.text for run in each.text[0]) for each in described(REGISTERED.names(), INSTALLED)}
+    told = {
+        each.name: "".join(run.text for run in each.text[0]) for each in describe_methods(REGISTERED.names(), INSTALLED)
+    }
 
     assert told["environment_sampling"].startswith("with ω drawn in proportion to luminance")
     assert told["filtered_importance_sampling"].startswith("ω is drawn by the BRDF's own sampler")
     assert (
-        described(["of_a_plug_in"], INSTALLED)[0].text[0][0].text
+        describe_methods(["of_a_plug_in"], INSTALLED)[0].text[0][0].text
         == "It belongs to a plug-in that is not installed here."
     )
 
@@ -238,7 +240,7 @@ def test_a_method_is_described_by_the_text_after_its_formula():
     ],
 )  # fmt: skip
 def test_formulas_in_text_are_set(text, expected):
-    assert [tuple(run) for run in runs(text)] == expected
+    assert [tuple(run) for run in split_runs(text)] == expected
 
 
 def test_crops_lie_where_errors_are_and_do_not_overlap():
@@ -248,11 +250,11 @@ def test_crops_lie_where_errors_are_and_do_not_overlap():
     error[40:50, 10:20] = 1
     error[30, 40] = 1e6  # one pixel decides nothing
 
-    first, second, *_ = crops_of([error, 0.5 * error], mask, 2.0, 3)
+    first, second, *_ = choose_crops([error, 0.5 * error], mask, 2.0, 3)
 
     assert first.width == second.height == 12  # the smallest
-    assert first.of(error).sum() == -200
-    assert second.of(error).sum() == 100
+    assert first.cut(error).sum() == -200
+    assert second.cut(error).sum() == 100
 
 
 def test_crops_lie_on_the_surface():
@@ -260,10 +262,10 @@ def test_crops_lie_on_the_surface():
     mask[20:40, 20:40] = True
     error = np.where(mask, 0.1, 5.0)
 
-    (crop,) = crops_of([error], mask, 10.0, 1)
+    (crop,) = choose_crops([error], mask, 10.0, 1)
 
-    assert crop.of(mask).all()
-    assert crops_of([np.zeros((60, 60))], mask, 1.0) == []
+    assert crop.cut(mask).all()
+    assert choose_crops([np.zeros((60, 60))], mask, 1.0) == []
 
 
 @pytest.mark.parametrize("size", [(12, 12), (13, 40), (97, 64)])
@@ -273,7 +275,7 @@ def test_a_crop_is_found_to_the_pixel(size):
         error = np.zeros(size)
         error[y : y + side, x : x + side] = 1
 
-        assert crops_of([error], np.ones(size, bool), 1.0, 1) == [Crop(x, y, side, side)]
+        assert choose_crops([error], np.ones(size, bool), 1.0, 1) == [Crop(x, y, side, side)]
 
 
 def test_what_a_study_sweeps_is_plotted_first(imageless, tmp_path):
@@ -322,8 +324,8 @@ def test_a_profile_runs_through_the_brightest_pixel_of_the_surface():
     reference, mask = np.zeros((4, 5, 3)), np.ones((4, 5), bool)
     reference[2, 3], reference[1, 1], mask[1, 1] = 2.0, 9.0, False
 
-    row = profile.brightest_row(reference, mask)
-    line = profile.along(row, mask, Label("method", 0, 0, "#0072b2"), 3 * reference)
+    row = profile.find_brightest_row(reference, mask)
+    line = profile.make_line(row, mask, Label("method", 0, 0, "#0072b2"), 3 * reference)
 
     assert row == 2
     assert (line.x.tolist(), line.y.tolist()) == ([0, 1, 2, 3, 4], [0, 0, 0, 6, 0])
@@ -337,9 +339,9 @@ def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
     (page,) = pages_of(path.read_bytes())
     reference = read_exr(folder / "references" / "ref0.exr")
     mask = np.asarray(Image.open(folder / "references" / "ref0_mask.png")) > 0
-    exposure = raster.exposure_of(reference, mask)
+    exposure = raster.choose_exposure(reference, mask)
     window = np.s_[8:38, 4:24]
-    expected = np.asarray(Image.open(io.BytesIO(raster.picture(reference[window], mask[window], exposure))))
+    expected = np.asarray(Image.open(io.BytesIO(raster.draw_picture(reference[window], mask[window], exposure))))
     assert any(
         image.shape == (30, 20, 3) and np.array_equal(image[mask[window]], expected[..., :3][mask[window]])
         for image in page["images"]
@@ -431,8 +433,8 @@ def test_with_many_lines_no_page_is_a_heading_alone_and_no_image_is_cut(pages_of
 
 
 def test_the_checks_notice_crops_of_all_lines(many, monkeypatch):
-    monkeypatch.setattr(pdf, "best_few", lambda group, _: middle_budgets(group))
-    monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
+    monkeypatch.setattr(pdf, "choose_best_few", lambda group, _: choose_middle_budgets(group))
+    monkeypatch.setattr(pdf, "_arrange_plots", lambda *_: ([], []))
     pages = pages_of(pdf.write_report(many).read_bytes())
 
     for check in (check_filled, check_uncut):

@@ -23,7 +23,7 @@ def made(tmp_path_factory):
     folder = write_results(tmp_path_factory.mktemp("made") / "discs", budgets=(4,))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(payload, "INLINE", 0)
-        patch.setattr(style, "svg", lambda *_: "")
+        patch.setattr(style, "to_svg", lambda *_: "")
         html.write_report(folder)
     return folder
 
@@ -32,8 +32,8 @@ def made(tmp_path_factory):
 def beside(monkeypatch):
     """Images are files next to the page; nothing is drawn, because that takes most of the time."""
     monkeypatch.setattr(payload, "INLINE", 0)
-    monkeypatch.setattr(style, "svg", lambda *_: "")
-    monkeypatch.setattr(html, "_methods", lambda names: [])
+    monkeypatch.setattr(style, "to_svg", lambda *_: "")
+    monkeypatch.setattr(html, "_describe_methods", lambda names: [])
 
 
 @pytest.fixture

@@ -49,8 +49,8 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(style, "svg", lambda *_: "")
-        patch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
+        patch.setattr(style, "to_svg", lambda *_: "")
+        patch.setattr(html, "build_payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
         patch.setattr(html, "MOST_ROWS", 10)
         return text_in(html.write_report(folder).read_text(encoding="utf-8"))
 
@@ -58,8 +58,8 @@ def page(folder):
 @pytest.fixture(scope="module")
 def printed(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pdf, "_plots", lambda *_: ([], []))
-        patch.setattr(pdf, "_images", lambda *_: (None, []))
+        patch.setattr(pdf, "_arrange_plots", lambda *_: ([], []))
+        patch.setattr(pdf, "_arrange_images", lambda *_: (None, []))
         patch.setattr(tables, "MOST_ROWS", 10)
         return text_of(pdf.write_report(folder).read_bytes())
 
@@ -123,7 +123,7 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
     def over(name, **options):
         cells.assign(**options).to_parquet(tmp_path / "cells.parquet")
-        return AxisOption().asked(Report.of(Results.open(tmp_path)), {}, name).name
+        return AxisOption().asked(Report.from_results(Results.open(tmp_path)), {}, name).name
 
     alike = {"view_options": '{"resolution": 64}'}
     assert over("m", **alike) == over("material.m", **alike) == "material.m"
@@ -138,8 +138,8 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
 def test_a_line_of_the_page_has_the_colour_of_its_method(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(style, "svg", lambda *_: "")
-        patch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
+        patch.setattr(style, "to_svg", lambda *_: "")
+        patch.setattr(html, "build_payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
         data = data_of(html.write_report(folder).read_text(encoding="utf-8"))
 
     labels = labels_of(data)

@@ -16,7 +16,7 @@ from glossbench.run.attempts import Attempt
 from glossbench.run.executor import Executor
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
-from glossbench.run.study_lights import Changed
+from glossbench.run.study_lights import ChangedInput
 from glossbench.shading.method import METHODS, Method
 from glossbench.study.study import load_study
 
@@ -177,7 +177,7 @@ def test_a_light_that_is_replaced_in_mid_run_stops_it_and_each_image_lies_under_
     def replace(row):
         write_exr(tmp_path / "b.exr", torch.full((4, 8, 3), 9.0))
 
-    with pytest.raises(Changed, match=r"b\.exr: has changed while the study ran; run it again$"):
+    with pytest.raises(ChangedInput, match=r"b\.exr: has changed while the study ran; run it again$"):
         run_study(study, tmp_path / "r", progress=Progress(cell=replace))
     cells = run_study(study, tmp_path / "r").cells
 
@@ -202,7 +202,7 @@ def ended(study_of, tmp_path, monkeypatch):
         monkeypatch.setattr("glossbench.run.cell_keys.TRIES", tries)
         executor = Executor(study_of(), Results(tmp_path / "r"), Progress())
         executor.results.create()
-        known = {cell.method.level: executor.keys.of(cell).spelled for cell in cells}
+        known = {cell.method.level: executor.keys.identify(cell).spelled for cell in cells}
         (tmp_path / "r" / "begun").mkdir()
         for level, n in times.items():
             mark = {"times": n, "host": socket.gethostname(), "pid": DEAD}

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from glossbench.atomic import replacing
-from glossbench.errors import CannotWrite, InputError
+from glossbench.errors import InputError, WriteError
 from glossbench.run.manifest import KEPT, SUMMARY
 from glossbench.run.results import AGAIN, Results
 from glossbench.run.runner import Progress, run_study
-from glossbench.strict_json import numbers, sealed, unsealed
+from glossbench.strict_json import restore_numbers, seal, unseal
 from oracles.flat_studies import Flat, interrupting, registered, remains, study_in
 
 STUDY = {
@@ -198,7 +198,7 @@ def full(monkeypatch, ending: str) -> None:
 
         def __enter__(self) -> Path:
             if self.path.name.endswith(ending):
-                raise CannotWrite(self.path, "No space left on device")
+                raise WriteError(self.path, "No space left on device")
             return self.context.__enter__()
 
         def __exit__(self, *error: object) -> object:
@@ -215,7 +215,7 @@ def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_continues_later(mad
     study, _, expected = made
     with pytest.MonkeyPatch.context() as patch:
         full(patch, ending)
-        with pytest.raises(CannotWrite, match=r"cannot be written: No space left on device$"):
+        with pytest.raises(WriteError, match=r"cannot be written: No space left on device$"):
             run_study(study, tmp_path / "r")
     states = [json.loads(path.read_text())["status"] for path in (tmp_path / "r" / "cells").iterdir()]
 
@@ -230,7 +230,7 @@ def test_a_limit_on_the_size_of_files_is_one_line(tmp_path):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (16384, before[1]))
     try:
-        with pytest.raises(CannotWrite, match=r"r/references/\S+: cannot be written: .*[Ff]ile too large"):
+        with pytest.raises(WriteError, match=r"r/references/\S+: cannot be written: .*[Ff]ile too large"):
             run_study(study_in(tmp_path, view="{sphere: {resolution: 64}}"), tmp_path / "r")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
@@ -243,7 +243,7 @@ def test_a_method_that_cannot_write_elsewhere_fails_its_cell_alone(tmp_path, mon
     """Twin of the above."""
 
     def shade(*arguments: object) -> None:
-        raise CannotWrite(tmp_path / "elsewhere", "No space left on device")
+        raise WriteError(tmp_path / "elsewhere", "No space left on device")
 
     monkeypatch.setattr(Flat, "shade", shade)
 
@@ -447,22 +447,22 @@ def test_results_without_a_single_cell_say_so(made, tmp_path):
 def test_json_is_standard_and_numbers_come_back():
     row = {"a": float("nan"), "b": float("inf"), "c": -float("inf"), "d": 0.1 + 0.2, "e": "text", "f": True}
 
-    text = sealed(row)
+    text = seal(row)
 
     def refuse(word: str) -> None:
         raise ValueError(word)
 
     assert json.loads(text, parse_constant=refuse)["a"] is None
-    again = numbers(unsealed(text))
+    again = restore_numbers(unseal(text))
     assert repr(again) == repr(row)
 
 
 @pytest.mark.parametrize("change", [("0.1", "0.2"), ('"x"', '"y"'), ("}", ""), ("{", "[{")])
 def test_sealed_json_notices_a_change(change):
-    text = sealed({"a": 0.1, "b": "x"})
+    text = seal({"a": 0.1, "b": "x"})
 
     with pytest.raises(ValueError, match=r"its checksum|not a mapping|delimiter|Expecting"):
-        unsealed(text.replace(*change, 1))
+        unseal(text.replace(*change, 1))
 
 
 def test_a_failed_cell_is_standard_json(tmp_path, monkeypatch):

@@ -185,8 +185,8 @@ def test_a_stage_that_writes_into_another_stage_is_named(study_of, tmp_path, und
 def test_without_the_check_the_others_would_be_wrong(study_of, tmp_path, undisturbed, monkeypatch):
     """Twin of the above: the counters of tensors unread, and the cell after the hostile one is another."""
     study = study_of("pyramid.texels.zero_()")
-    monkeypatch.setattr("glossbench.shading.stage_cache.tensors_in", lambda value: iter(()))
-    monkeypatch.setattr("glossbench.shading.stage_cache.digest_of", lambda *values: 0)
+    monkeypatch.setattr("glossbench.shading.stage_cache.find_tensors", lambda value: iter(()))
+    monkeypatch.setattr("glossbench.shading.stage_cache.compute_digest", lambda *values: 0)
 
     results = run_study(study, tmp_path / "r")
 
@@ -198,7 +198,7 @@ def test_without_the_check_the_others_would_be_wrong(study_of, tmp_path, undistu
 def test_a_light_that_is_written_to_unseen_would_be_wrong(study_of, tmp_path, undisturbed, monkeypatch):
     """Twin of the above: the light's bytes uncompared."""
     study = study_of("light.faces.numpy()[:] *= 2")
-    monkeypatch.setattr("glossbench.run.study_lights.digest_of", lambda *values: 0)
+    monkeypatch.setattr("glossbench.run.study_lights.compute_digest", lambda *values: 0)
 
     results = run_study(study, tmp_path / "r")
 

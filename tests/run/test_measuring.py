@@ -9,7 +9,7 @@ from glossbench.metrics import METRICS, Metric
 from glossbench.run.results import Results
 from glossbench.run.runner import run_study
 from glossbench.study.study import load_study
-from glossbench.truth.jackknife import unbiased
+from glossbench.truth.jackknife import remove_bias
 
 STUDY = """
 title: T
@@ -62,7 +62,7 @@ def test_a_metric_is_measured_without_each_group_and_loses_its_bias(row, metric,
     values = json.loads(row["left_out"])[metric]
 
     assert len(values) == 1 + n
-    assert row[metric] == unbiased(values)
+    assert row[metric] == remove_bias(values)
 
 
 def test_an_infinite_metric_has_no_noise(row):

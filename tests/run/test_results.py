@@ -15,7 +15,7 @@ from glossbench import atomic
 from glossbench.atomic import replacing
 from glossbench.errors import InputError
 from glossbench.metrics import METRICS
-from glossbench.run.cell_files import key_of
+from glossbench.run.cell_files import make_key
 from glossbench.run.results import Results
 from glossbench.shading.image import Image
 from glossbench.truth.reference import Reference
@@ -39,8 +39,8 @@ def dead_process() -> int:
 
 
 def test_a_key_does_not_depend_on_the_order_of_mappings_but_on_that_of_lists():
-    assert key_of([{"a": 1, "b": 2}]) == key_of([{"b": 2, "a": 1}])
-    assert key_of(["a", "b"]) != key_of(["b", "a"])
+    assert make_key([{"a": 1, "b": 2}]) == make_key([{"b": 2, "a": 1}])
+    assert make_key(["a", "b"]) != make_key(["b", "a"])
 
 
 def test_a_file_that_is_replaced_appears_only_when_all_is_written(tmp_path):

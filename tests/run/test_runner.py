@@ -21,7 +21,7 @@ from glossbench.errors import InputError
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.run.tuning import tune_option
-from glossbench.study.cells import Tune
+from glossbench.study.cells import Tuning
 from glossbench.study.document import read_document
 from glossbench.study.study import load_study
 from oracles.flat_studies import CALLS, Flat, interrupting, registered, remains, study_in
@@ -444,7 +444,7 @@ def test_the_study_on_disk_loads_as_the_study_that_ran(study_of, tmp_path):
 def test_tuning_finds_the_minimum_within_the_bounds(low, high, minimum):
     asked = []
 
-    found = tune_option(Tune("x", "rms", low, high), lambda x: asked.append(x) or abs(x - minimum))
+    found = tune_option(Tuning("x", "rms", low, high), lambda x: asked.append(x) or abs(x - minimum))
 
     # The search stops 1/400 of the range from the minimum; the answer is rounded to 1/10 000 of it, or finer.
     expected = min(max(minimum, low), high)
@@ -453,13 +453,13 @@ def test_tuning_finds_the_minimum_within_the_bounds(low, high, minimum):
 
 
 def test_tuning_takes_the_size_of_a_signed_metric():
-    found = tune_option(Tune("x", "mean_error", -1, 1), lambda x: x - 0.37)
+    found = tune_option(Tuning("x", "mean_error", -1, 1), lambda x: x - 0.37)
 
     assert abs(found - 0.37) <= 2 / 400
 
 
 def test_tuning_survives_an_error_that_is_never_finite():
-    assert 0 <= tune_option(Tune("x", "relative_rms", 0, 1), lambda x: float("inf")) <= 1
+    assert 0 <= tune_option(Tuning("x", "relative_rms", 0, 1), lambda x: float("inf")) <= 1
 
 
 def test_a_tuned_cell_says_what_was_found(study_of, tmp_path):

@@ -10,9 +10,9 @@ import glossbench as gb
 from glossbench.errors import InputError
 from glossbench.scene import mesh as mesh_module
 from glossbench.scene.mesh import make_mesh
-from glossbench.scene.mesh_files import load_mesh, mesh_named
+from glossbench.scene.mesh_files import load_mesh, make_named_mesh
 from glossbench.scene.shapes import SHAPES, bowl, cloth, torus_knot
-from glossbench.scene.winding import against_the_rest
+from glossbench.scene.winding import find_reversed_faces
 
 SQUARE = [[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 HALVES = [[0, 1, 2], [0, 2, 3]]
@@ -93,7 +93,7 @@ def test_faces_that_wind_against_their_neighbours_are_turned():
 def test_normals_of_mixed_winding_would_be_wrong(monkeypatch):
     vertices, faces = ball()
     mixed = np.where((np.random.default_rng(0).random(len(faces)) < 0.3)[:, None], faces[:, ::-1], faces)
-    monkeypatch.setattr(mesh_module, "against_the_rest", lambda f: np.zeros(len(f), dtype=bool))
+    monkeypatch.setattr(mesh_module, "find_reversed_faces", lambda f: np.zeros(len(f), dtype=bool))
 
     mesh = make_mesh(vertices, mixed)
 
@@ -104,7 +104,7 @@ def test_two_bodies_are_wound_each_for_itself():
     vertices, faces = ball(1)
     both = np.concatenate([faces, faces[:, ::-1] + len(vertices)])
 
-    assert not against_the_rest(both).any()
+    assert not find_reversed_faces(both).any()
 
 
 def test_a_moebius_strip_stays_as_it_is():
@@ -185,7 +185,7 @@ def test_meshes_are_equal_by_content():
 
 def test_a_mesh_cannot_be_written_to():
     with pytest.raises(ValueError, match="read-only"):
-        mesh_named("cloth").vertices[0] = 0
+        make_named_mesh("cloth").vertices[0] = 0
 
 
 # Normals.
@@ -229,7 +229,7 @@ def test_shapes_need_no_repair_and_are_of_some_ten_thousand_triangles(shape):
 
     assert mesh.repairs == ()
     assert 20_000 < len(mesh.faces) < 60_000
-    assert not against_the_rest(mesh.faces).any()
+    assert not find_reversed_faces(mesh.faces).any()
     assert np.abs(mesh.vertices).max() == pytest.approx(1, rel=1e-15)  # measured 0
 
 
@@ -374,10 +374,10 @@ def test_a_broken_file_is_refused_in_one_line(name, content, message):
 def test_names_are_shapes_then_the_catalogue_then_files(shared_data, monkeypatch):
     monkeypatch.setenv("GLOSSBENCH_DATA", str(shared_data))
 
-    assert mesh_named("cloth") == cloth()
-    assert mesh_named("teapot") == load_mesh(shared_data / "meshes" / "teapot.obj")
-    assert len(mesh_named("spot").vertices) == 2930  # its 3225 texture coordinates split none
-    assert len(mesh_named("bunny").faces) == 69451
+    assert make_named_mesh("cloth") == cloth()
+    assert make_named_mesh("teapot") == load_mesh(shared_data / "meshes" / "teapot.obj")
+    assert len(make_named_mesh("spot").vertices) == 2930  # its 3225 texture coordinates split none
+    assert len(make_named_mesh("bunny").faces) == 69451
 
 
 @pytest.mark.parametrize(
@@ -390,6 +390,6 @@ def test_names_are_shapes_then_the_catalogue_then_files(shared_data, monkeypatch
 )
 def test_an_unknown_name_offers_the_nearest(name, message):
     with pytest.raises(InputError) as caught:
-        mesh_named(name)
+        make_named_mesh(name)
 
     assert str(caught.value).startswith(message)

@@ -7,7 +7,7 @@ from glossbench.envmap.lights.synthetic import Constant
 from glossbench.errors import MethodError
 from glossbench.shading.image import prepare
 from glossbench.shading.method import Method, stage
-from glossbench.shading.stage_cache import StageCache, option_of
+from glossbench.shading.stage_cache import StageCache, read_option
 
 LIGHT = Constant(radiance=(1.0, 1.0, 1.0), resolution=2).cubemap()
 INPUTS = {"light": LIGHT, "material": "m", "scene": "s", "view": "v"}
@@ -58,7 +58,7 @@ def test_a_chain_of_stages_gives_each_cell_what_it_gets_alone():
 
 def test_a_key_without_the_options_that_were_read_would_be_wrong(monkeypatch):
     """Twin of the above: a stage is known by its function and its inputs alone."""
-    monkeypatch.setattr("glossbench.shading.stage_cache._hashable", lambda value: 0)
+    monkeypatch.setattr("glossbench.shading.stage_cache._make_hashable", lambda value: 0)
 
     assert tuned_and_timed(StageCache()) != [2.0 * (x + 1) for x in range(8) for _ in range(2)]
 
@@ -133,7 +133,7 @@ def test_the_type_of_an_option_counts_as_well_as_its_value():
 
 @stage
 def tone(self, light):
-    return torch.full((4,), {"warm": 1.0, "cold": 2.0}[option_of(self, "tone_of", "warm")])
+    return torch.full((4,), {"warm": 1.0, "cold": 2.0}[read_option(self, "tone_of", "warm")])
 
 
 class Plain(Method):

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from glossbench.study.claim_counts import Count, counts
-from glossbench.study.describe import described
-from glossbench.study.study import Study, load_study, study_with_forms
+from glossbench.study.claim_counts import Count, count_claims
+from glossbench.study.describe import describe_contents
+from glossbench.study.study import Study, load_study, load_study_with_forms
 
 STUDY = {
     "title": "T",
@@ -29,7 +29,7 @@ def write(tmp_path):
 @pytest.fixture
 def words(write):
     def of(key: str, **changes: str) -> str:
-        return described(*study_with_forms(write(**changes)))[key]
+        return describe_contents(*load_study_with_forms(write(**changes)))[key]
 
     return of
 
@@ -95,7 +95,7 @@ def test_a_missing_device_is_reported(words, monkeypatch):
 
 def about(write, claim: str, **changes: str) -> list[Count]:
     study: Study = load_study(write(claims=f"[{{text: A, {claim}}}]", **changes))
-    return counts(study)
+    return count_claims(study)
 
 
 PAIR = "lower: importance_sampling, than: environment_sampling, metric: rms"
@@ -146,8 +146,8 @@ def test_the_pairs_that_are_counted_are_those_that_the_verdict_finds(write):
     from glossbench.findings.verdicts import judge
 
     study = load_study(write(claims=f"[{{text: A, {PAIR}}}, {{text: B, {PAIR}, where: {{samples: 8}}}}]"))
-    rows = [cell.record(metrics={"rms": 1.0}, n_samples=1).row() for cell in study.cells()]
+    rows = [cell.make_record(metrics={"rms": 1.0}, n_samples=1).to_row() for cell in study.cells()]
 
     verdicts = judge(study.claims, pandas.DataFrame(rows))
 
-    assert [len(verdict["numbers"]) for verdict in verdicts] == [count.n for count in counts(study)]
+    assert [len(verdict["numbers"]) for verdict in verdicts] == [count.n for count in count_claims(study)]

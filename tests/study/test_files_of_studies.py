@@ -11,7 +11,7 @@ from glossbench.commands.cli import app
 from glossbench.errors import InputError
 from glossbench.run import executor
 from glossbench.run.runner import run_study
-from glossbench.study.cells import text_of
+from glossbench.study.cells import to_text
 from glossbench.study.study import load_study
 from glossbench.truth.reference import compute_reference
 
@@ -78,7 +78,7 @@ def test_a_bare_name_of_a_file_next_to_the_study_is_an_item(here, kind):
     bare, spelled = (load_study(study(here, **{kind: text})) for text in NAMED[kind])
 
     assert bare == spelled
-    assert str(here / NAMED[kind][0]) in text_of(getattr(bare, f"{kind}s")[0])
+    assert str(here / NAMED[kind][0]) in to_text(getattr(bare, f"{kind}s")[0])
 
 
 @pytest.mark.parametrize("kind", NAMED)
@@ -89,7 +89,7 @@ def test_a_bare_name_in_a_list_and_with_options_is_one_too(here, kind):
     items = getattr(load_study(study(here, **{kind: f"[{name}, {{{name}: {{{more}}}}}]"})), f"{kind}s")
 
     assert len(items) == 2
-    assert all(str(here / name) in text_of(item) for item in items)
+    assert all(str(here / name) in to_text(item) for item in items)
 
 
 def test_a_mesh_and_a_table_next_to_the_study_are_run(here):
@@ -104,7 +104,7 @@ def test_a_mesh_and_a_table_next_to_the_study_are_run(here):
 
 def test_python_takes_bare_names_too(here):
     assert gb.material(str(here / "goniometer.brdf")).name == "measured"
-    assert gb.material(str(here / "paint.fit"), material="paint").fitted().m == (0.2, 0.2)
+    assert gb.material(str(here / "paint.fit"), material="paint").build_fit().m == (0.2, 0.2)
     assert gb.view(str(here / "cube.obj"), resolution=4).mask().any()
 
 

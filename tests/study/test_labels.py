@@ -5,7 +5,7 @@ import json
 import pytest
 
 from glossbench.study import labels as rows_module
-from glossbench.study.labels import budget_of, identity, names_of, parsed, told_apart, with_names
+from glossbench.study.labels import distinguish_rows, identify, name_items, parse_row, read_budget, with_names
 
 
 def row(**changes):
@@ -20,13 +20,13 @@ def row(**changes):
 
 def names(kind, name, *options):
     """Names of lights, materials or views of one name and these options, in order."""
-    given = [parsed(row(**{kind: name, f"{kind}_options": each})) for each in options]
-    found = names_of(kind, given)
-    return [found[identity(kind, each)] for each in given]
+    given = [parse_row(row(**{kind: name, f"{kind}_options": each})) for each in options]
+    found = name_items(kind, given)
+    return [found[identify(kind, each)] for each in given]
 
 
 def told(*given, over=None):
-    return [line for _, line in told_apart([parsed(each) for each in given], over)]
+    return [line for _, line in distinguish_rows([parse_row(each) for each in given], over)]
 
 
 def biased(bias, tune=None, **changes):
@@ -90,7 +90,7 @@ def test_a_tuned_option_is_distinguished_from_a_stated_one():
 
 
 def test_the_check_of_tuned_options_notices_the_value_that_came_out(monkeypatch):
-    monkeypatch.setattr(rows_module, "stated", lambda row: row["options"])
+    monkeypatch.setattr(rows_module, "read_stated", lambda row: row["options"])
 
     with pytest.raises(AssertionError):
         check_tuned(told(biased(0.0), biased(1.0), biased(0.0, RMS)))
@@ -132,7 +132,7 @@ def test_results_that_do_not_say_how_they_were_tuned_say_that_they_were():
 def test_the_budget_is_the_option_that_the_row_says():
     rays = [row(options={"samples": s, "rays": n}, budget="rays") for s in (1, 2) for n in (4, 8)]
 
-    assert [budget_of(parsed(each)) for each in rays] == [4, 8, 4, 8]
+    assert [read_budget(parse_row(each)) for each in rays] == [4, 8, 4, 8]
     assert told(*rays) == [{"samples": "1"}, {"samples": "1"}, {"samples": "2"}, {"samples": "2"}]
-    assert budget_of(parsed(row())) == 4  # of results whose rows do not say
-    assert budget_of(parsed(row(budget=""))) is None
+    assert read_budget(parse_row(row())) == 4  # of results whose rows do not say
+    assert read_budget(parse_row(row(budget=""))) is None

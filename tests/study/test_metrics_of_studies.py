@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from glossbench.errors import InputError
-from glossbench.findings.columns import columns_of, metric_columns
+from glossbench.findings.columns import collect_columns, list_metric_columns
 from glossbench.run.runner import run_study
 from glossbench.study.study import Study, load_study
 
@@ -51,13 +51,13 @@ def test_a_resolved_study_has_the_same_metrics(study_of, metrics):
 
 def test_the_metrics_of_a_resolved_study_have_the_columns_of_the_study(study_of):
     study = study_of(TWO)
-    columns = metric_columns(study.resolved()["metrics"])
+    columns = list_metric_columns(study.resolved()["metrics"])
     assert [column.name for column in columns] == study.metric_columns
     assert [column.unit for column in columns] == ["radiance", "", ""]
 
 
 def test_the_title_of_a_metric_states_options_that_its_column_does_not():
-    assert columns_of(["rms", {"mrse": {"epsilon": 1.0}}])["mrse"].title == "mrse (epsilon 1)"
+    assert collect_columns(["rms", {"mrse": {"epsilon": 1.0}}])["mrse"].title == "mrse (epsilon 1)"
 
 
 @pytest.mark.parametrize(

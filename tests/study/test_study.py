@@ -23,11 +23,11 @@ from glossbench.options import Color, Fraction, Resolution, Widths
 from glossbench.scene.points import VIEWS, View
 from glossbench.shading.method import METHODS, Method
 from glossbench.study import document as yaml_marks
-from glossbench.study.cells import Tune, text_of
+from glossbench.study.cells import Tuning, to_text
 from glossbench.study.document import dump
-from glossbench.study.installed import study_files
 from glossbench.study.schema import schema
 from glossbench.study.study import load_study
+from glossbench.study.study_files import find_study_files
 
 
 class Glow(Light):
@@ -220,14 +220,14 @@ def test_cells_vary_the_method_fastest_and_the_light_slowest(write):
 def test_a_tuned_option_takes_its_range_from_its_bounds(write):
     study = load_study(write(a_study(methods="{sampler: {bias: {tune: rms}, samples: [1, 2]}}")))
 
-    assert [item.tune for item in study.methods] == [Tune("bias", "rms", -2, 2)] * 2
+    assert [item.tune for item in study.methods] == [Tuning("bias", "rms", -2, 2)] * 2
     assert study.methods[0].method.as_dict()["bias"] == 0
 
 
 def test_a_tuned_option_takes_the_range_that_is_stated(write):
     study = load_study(write(a_study(methods="{sampler: {gain: {tune: max_error, range: [0.5, 1.5]}}}")))
 
-    assert study.methods[0].tune == Tune("gain", "max_error", 0.5, 1.5)
+    assert study.methods[0].tune == Tuning("gain", "max_error", 0.5, 1.5)
 
 
 def test_a_tuned_option_without_a_default_starts_at_its_lowest(write):
@@ -343,9 +343,9 @@ def test_items_are_distinguished_by_canonical_json(write):
         for options in ("samples: 3, bias: {tune: rms}", "bias: {range: [-2, 2], tune: rms}, samples: 3")
     )
 
-    assert text_of(first) == text_of(second)
+    assert to_text(first) == to_text(second)
     assert first.as_dict()["bias"] == {"tune": "rms", "range": [-2, 2]}
-    assert text_of(first) != text_of(dataclasses.replace(first, tune=None))
+    assert to_text(first) != to_text(dataclasses.replace(first, tune=None))
 
 
 # The seed
@@ -533,7 +533,7 @@ def test_studies_are_listed_by_name(tmp_path, monkeypatch):
         (tmp_path / name).touch()
     monkeypatch.setattr(resources, "files", lambda package: tmp_path)
 
-    assert list(study_files()) == ["a", "b"]
+    assert list(find_study_files()) == ["a", "b"]
 
 
 def test_an_unknown_study_offers_the_nearest(tmp_path, monkeypatch):

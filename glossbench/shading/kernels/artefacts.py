@@ -25,11 +25,11 @@ from torch import Tensor
 
 from glossbench.atomic import remove_abandoned, replacing
 from glossbench.catalog.folders import cache_folder
-from glossbench.errors import CannotWrite
-from glossbench.import_closure import hash_of, is_installed, source_files
+from glossbench.errors import WriteError
+from glossbench.import_closure import find_source_files, hash_of, is_installed
 from glossbench.shading.kernels.arguments import Form, classes_of, text_of
 from glossbench.shading.kernels.kernel import Kernel
-from glossbench.strict_json import sealed, unsealed
+from glossbench.strict_json import seal, unseal
 
 BOUND = 1 << 30  # bytes of all libraries; above it, those that were not used for the longest time are removed
 COMPILER = "glossbench.shading.kernels.compile"
@@ -130,19 +130,19 @@ def store(key: str, library: Path, facts: dict[str, Any]) -> Artefact:
     """Copy a compiled library into the folder, and write its facts.
 
     Raises:
-        CannotWrite: the folder cannot be written.
+        WriteError: the folder cannot be written.
     """
     data = library.read_bytes()
     artefact = Artefact(**facts, library=sha256(data).hexdigest())
     try:
         folder().mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise CannotWrite(folder(), error.strerror or str(error)) from error
+        raise WriteError(folder(), error.strerror or str(error)) from error
     with replacing(folder() / f"{artefact.library}.so") as part:
         part.write_bytes(data)
     variant = sha256(repr(artefact.sizes).encode()).hexdigest()[:8]
     with replacing(folder() / f"{artefact.kernel}.{key}.{variant}.json") as part:
-        part.write_text(sealed(asdict(artefact)))
+        part.write_text(seal(asdict(artefact)))
     bound(BOUND)
     return artefact
 
@@ -185,7 +185,7 @@ def every() -> Iterator[Artefact]:
 
 def _read(path: Path, silent: bool = False) -> Artefact | None:
     try:
-        data = unsealed(path.read_bytes())
+        data = unseal(path.read_bytes())
         artefact = Artefact(**{name: data[name] for name in Artefact.__dataclass_fields__})
         if artefact.target != target():
             raise ValueError("compiled for something else")
@@ -222,5 +222,5 @@ def _source(modules: frozenset[str]) -> str | None:
         if file is None or not Path(file).is_file():
             return None
         if name.partition(".")[0] == "glossbench" or not is_installed(Path(file)):
-            files |= source_files(name, Path(file))
+            files |= find_source_files(name, Path(file))
     return hash_of(files)

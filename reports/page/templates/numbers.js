@@ -1,4 +1,4 @@
-// Numbers as in print: 0.0123, 1240, 1.20×10⁻⁶; – for null. The same as `number` in reports/style.py.
+// Numbers as in print: 0.0123, 1240, 1.20×10⁻⁶; – for null. The same as `format_number` in reports/style.py.
 
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from glossbench.brdf.measured.colorimetry import D65, WAVELENGTHS, X_BAR, Y_BAR, Z_BAR, rec709
-from glossbench.brdf.measured.cornell import factored, read_cornell, read_samples
+from glossbench.brdf.measured.cornell import factor_samples, read_cornell, read_samples
 from glossbench.directions import Vec3
 from glossbench.errors import InputError
 from oracles.hemisphere import vectors
@@ -108,7 +108,7 @@ def test_factors_of_a_product_are_found_from_scattered_samples(file):
     value = 0.2 * np.exp(-3 * np.arccos(cos_h)) * (samples.wo.z * samples.wi.z).numpy() ** -0.3
     made = type(samples)(samples.wi, samples.wo, np.stack([value, 2 * value, 0.5 * value], 1))
 
-    table = factored(made, "cpu")
+    table = factor_samples(made, "cpu")
 
     # Measured: 0.006; the maps are linear between nodes, the functions are not.
     assert relative_l2(table, made) < 0.015

@@ -13,7 +13,7 @@ from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.lobe import Lobe
 from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.measured.fitting import fit_lobes
-from glossbench.brdf.measured.lobe import MeasuredLobe, measured_lobe
+from glossbench.brdf.measured.lobe import MeasuredLobe, build_measured_lobe
 from glossbench.brdf.mixture import Sum
 from glossbench.directions import Vec3
 from glossbench.errors import InputError
@@ -156,7 +156,7 @@ class Known:
 def test_a_kurt_material_is_found_again():
     material = Kurt(m=0.15, shadowing=0.3, f0=(0.5, 0.4, 0.3), ks=(0.8, 0.7, 0.6), kd=(0.1, 0.2, 0.3))
 
-    fit = fit_lobes(measured_lobe(Known(material), False, "cpu"), "kurt", 1)
+    fit = fit_lobes(build_measured_lobe(Known(material), False, "cpu"), "kurt", 1)
 
     (lobe,) = fit.material.lobes
     assert fit.error < 1e-3  # measured 2e-5

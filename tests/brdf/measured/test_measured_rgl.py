@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from glossbench.brdf.measured.lobe import measured_lobe
+from glossbench.brdf.measured.lobe import build_measured_lobe
 from glossbench.brdf.measured.rgl import read_rgl
 from glossbench.brdf.measured.tensor_file import read_tensors
 from glossbench.errors import InputError
@@ -103,7 +103,7 @@ def test_nodes_without_luminance_are_not_known(file):
 
 
 def test_albedo_by_the_tabulated_density_is_that_of_the_values(table):
-    lobe = measured_lobe(table, False, "cpu")
+    lobe = build_measured_lobe(table, False, "cpu")
     wo = vectors([direction(0.5, 0.0)])
 
     albedo = lobe.albedo(wo, 1 << 14)[0].numpy()

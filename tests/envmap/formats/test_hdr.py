@@ -49,9 +49,9 @@ def test_each_scanline_is_read_as_its_own_first_bytes_say(tmp_path, codings, end
 
 def test_the_check_of_mixed_scanlines_notices_a_reader_that_goes_by_the_first(tmp_path, monkeypatch):
     path = picture(tmp_path / "a.hdr", (flat, coded, coded))
-    flat_only = rgbe._records
+    flat_only = rgbe._decode_records
     monkeypatch.setattr(
-        rgbe, "_scanlines", lambda path, kind, data, h, w, _: flat_only(path, kind, data, 0, h * w, 1)[0]
+        rgbe, "_decode_scanlines", lambda path, kind, data, h, w, _: flat_only(path, kind, data, 0, h * w, 1)[0]
     )
 
     try:

@@ -78,7 +78,7 @@ def test_odd_sizes_are_averaged_first_as_even_ones_are(monkeypatch, shape, proje
 def test_halving_an_odd_size_keeps_the_sum_of_each_pixel_by_its_share():
     image = torch.tensor([1.0, 2, 4, 8, 16])[None, None, :, None].expand(1, 2, -1, 3)
 
-    half = resampling.halved(image, torch.ones(2, 5))
+    half = resampling.halve_images(image, torch.ones(2, 5))
 
     # Bins of two and a half pixels.
     assert half[0, 0, :, 0].tolist() == pytest.approx([(1 + 2 + 4 / 2) / 2.5, (4 / 2 + 8 + 16) / 2.5])

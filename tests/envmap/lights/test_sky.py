@@ -246,7 +246,7 @@ def test_the_sun_s_energy_is_exact_at_every_resolution(resolution):
 
 def disc_of_radiance_one(elevation, azimuth, resolution=64):
     faces = torch.zeros(6, resolution, resolution, 3)
-    module._add_sun(faces, module._sun_disc(elevation, azimuth), torch.ones(3))
+    module._add_sun(faces, module._place_sun_disc(elevation, azimuth), torch.ones(3))
     return faces.double()
 
 

@@ -11,7 +11,7 @@ from glossbench.envmap.cubemap import texel_directions
 from glossbench.envmap.formats.files import write_exr
 from glossbench.envmap.lights.file_light import FileLight
 from glossbench.envmap.lights.light import LIGHTS
-from glossbench.envmap.projections.axes import _CONVENTIONS, permutation, turned
+from glossbench.envmap.projections.axes import _CONVENTIONS, permutation, turn_faces
 from glossbench.envmap.projections.conversion import from_cubemap, to_cubemap
 from glossbench.errors import InputError
 
@@ -169,13 +169,13 @@ def test_texels_are_moved_whole():
     light = LIGHTS.create("spots", {"resolution": 16}).cubemap()
     matrix = permutation("pbrt", "octahedral_equal_area")
 
-    there = turned(light.faces, matrix)
+    there = turn_faces(light.faces, matrix)
 
     d = Vec3(*(c.flatten() for c in texel_directions(16)))
     moved = torch.stack(d, dim=1) @ matrix.T
     nearest = (moved @ torch.stack(d)).argmax(1)
     assert torch.equal(there.reshape(-1, 3), light.faces.reshape(-1, 3)[nearest])
-    assert torch.equal(turned(there, matrix.T), light.faces)
+    assert torch.equal(turn_faces(there, matrix.T), light.faces)
 
 
 def test_the_mitsuba_convention_is_that_of_its_envmap_emitter():
@@ -197,7 +197,7 @@ def test_the_mitsuba_convention_is_that_of_its_envmap_emitter():
 
     difference, mirrored = (
         abs(light_faces[face, row, column].numpy() - np.array(theirs)).max()
-        for light_faces in (light.faces, turned(light.faces, torch.diag(torch.tensor([-1.0, 1, 1]))))
+        for light_faces in (light.faces, turn_faces(light.faces, torch.diag(torch.tensor([-1.0, 1, 1]))))
     )
     # Measured 0.013 = pi / 2 / 128 and a little: half a row at the poles, and a texel is a mean.
     assert difference < 0.02

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from glossbench.envmap.cubemap import CubeMap, texel_directions
-from glossbench.envmap.formats.decoded import Covering
 from glossbench.envmap.formats.files import read_file, write_exr
+from glossbench.envmap.formats.image_content import Covering
 from glossbench.envmap.lights.file_light import FileLight
 from glossbench.envmap.projections.axes import _CONVENTIONS
 from glossbench.envmap.projections.conversion import from_cubemap, to_cubemap

@@ -12,7 +12,7 @@ import trimesh
 from glossbench.errors import InputError
 from glossbench.scene import mesh_files
 from glossbench.scene.mesh import make_mesh
-from glossbench.scene.mesh_files import load_mesh, meaning_of, mesh_named
+from glossbench.scene.mesh_files import identify_mesh, load_mesh, make_named_mesh
 
 CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 3]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -587,12 +587,12 @@ def test_the_meaning_of_a_gltf_file_is_that_of_its_buffers_too():
     file = tetrahedron()
     Path("a.gltf").write_text(file.text("a.bin"))
     Path("a.bin").write_bytes(file.data)
-    before, mesh = meaning_of("a.gltf"), mesh_named("a.gltf")
+    before, mesh = identify_mesh("a.gltf"), make_named_mesh("a.gltf")
 
     Path("a.bin").write_bytes(file.data[:-24] + np.array(FACES[:, ::-1], "u2").tobytes())
 
-    assert meaning_of("a.gltf") != before
-    assert mesh_named("a.gltf") != mesh
+    assert identify_mesh("a.gltf") != before
+    assert make_named_mesh("a.gltf") != mesh
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "glb", "gltf", "stl"])
@@ -602,7 +602,7 @@ def test_a_huge_file_is_refused_by_its_size_before_it_is_read(monkeypatch, suffi
         file.truncate(3 << 30)
     monkeypatch.setattr(Path, "read_bytes", lambda path: pytest.fail("it was read"))
 
-    for read in (load_mesh, meaning_of, mesh_named):
+    for read in (load_mesh, identify_mesh, make_named_mesh):
         with pytest.raises(
             InputError, match=rf"^a\.{suffix}: a mesh.* must have at most 1073741824 bytes, got 3221225472"
         ):
@@ -614,5 +614,5 @@ def test_a_mesh_file_is_looked_for_below_the_folder_of_data(tmp_path, monkeypatc
     (tmp_path / "data" / "meshes" / "a.obj").write_text(V + F)
     monkeypatch.setenv("GLOSSBENCH_DATA", str(tmp_path / "data"))
 
-    assert mesh_named("a.obj") == TETRAHEDRON
-    assert mesh_files.meaning_of("a.obj") == meaning_of(str(tmp_path / "data" / "meshes" / "a.obj"))
+    assert make_named_mesh("a.obj") == TETRAHEDRON
+    assert mesh_files.identify_mesh("a.obj") == identify_mesh(str(tmp_path / "data" / "meshes" / "a.obj"))

@@ -110,7 +110,7 @@ def test_each_point_lies_in_one_triangle_if_inside_and_in_none_if_outside(corner
 
 
 def test_a_fan_would_be_noticed(monkeypatch):
-    monkeypatch.setattr(polygons, "_fans", lambda points: np.ones(len(points), bool))
+    monkeypatch.setattr(polygons, "_mark_fans", lambda points: np.ones(len(points), bool))
 
     triangles = cut(np.c_[np.array(ARROW, float), np.zeros(5)])
 

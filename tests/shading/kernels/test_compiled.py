@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import pytest
 import torch
 
-from glossbench.errors import CannotWrite
+from glossbench.errors import WriteError
 from glossbench.scene.sphere import Sphere
 from glossbench.shading.kernels import artefacts, backend, build, check, kernel, over_points
 from glossbench.shading.kernels.backend import always, choosing, never, noting
-from glossbench.strict_json import sealed, unsealed
+from glossbench.strict_json import seal, unseal
 
 N = 16
 
@@ -160,8 +160,8 @@ def test_damaged_facts_are_refused(cache, caplog):
 
 @pytest.mark.parametrize("target", ["torch 2.0.0, 0123456789abcdef", artefacts.target()[:-1] + "x"])
 def test_what_another_torch_or_processor_compiled_is_refused(cache, caplog, target):
-    facts = unsealed(facts_of(cache).read_bytes())
-    facts_of(cache).write_text(sealed(facts | {"target": target}))
+    facts = unseal(facts_of(cache).read_bytes())
+    facts_of(cache).write_text(seal(facts | {"target": target}))
 
     check_refused(caplog, "compiled elsewhere")
 
@@ -208,7 +208,7 @@ def test_a_compiler_that_fails_is_one_line_and_is_not_tried_again(tmp_path, monk
 
 
 def store_again(cache, name="of_tests"):
-    facts = unsealed(facts_of(cache).read_bytes())
+    facts = unseal(facts_of(cache).read_bytes())
     facts.pop("library")
     return lambda key, library: artefacts.store(key, library, facts | {"kernel": name})
 
@@ -218,7 +218,7 @@ def test_a_folder_that_may_only_be_read_is_an_error_with_its_name(cache, tmp_pat
     library.write_bytes(b"other")
     monkeypatch.setattr(artefacts, "folder", lambda: tmp_path / "other.so" / "kernels")
 
-    with pytest.raises(CannotWrite, match=r"other\.so"):
+    with pytest.raises(WriteError, match=r"other\.so"):
         store("0" * 20, library)
 
 
@@ -269,8 +269,8 @@ def test_clear_removes_all(cache):
 def test_two_processes_that_store_at_once_both_end_well(cache, tmp_path):
     program = (
         "import sys; from pathlib import Path; from glossbench.shading.kernels import artefacts;"
-        "from glossbench.strict_json import unsealed;"
-        "facts = unsealed(Path(sys.argv[1]).read_bytes()); facts.pop('library');"
+        "from glossbench.strict_json import unseal;"
+        "facts = unseal(Path(sys.argv[1]).read_bytes()); facts.pop('library');"
         "[artefacts.store(sys.argv[2], Path(sys.argv[3]), facts) for _ in range(30)]"
     )
     key = facts_of(cache).name.split(".")[1]
