@@ -64,7 +64,7 @@ def compile_kernel(place: tuple[str, str], form: Form, types: list[Type], key: s
     n_arguments = len(tensors)
     with torch.no_grad():
         if part == "after rays":
-            tensors.append(program(kernel.function, form, "before rays")(tensors)[0])
+            tensors.append(_answer_like(program(kernel.function, form, "before rays"), tensors))
         free = [{i: Dim.AUTO for i, n in enumerate(t.shape) if n > SMALL} for t in tensors]
         run = _Module(program(kernel.function, form, part))
         exported = export(run, (tensors,), dynamic_shapes=(free,), strict=False)
@@ -91,6 +91,15 @@ def main() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the compiler itself
         compile_kernel(*arguments)
+
+
+def _answer_like(before: Callable[[Sequence[Tensor]], Any], tensors: Sequence[Tensor]) -> Tensor:
+    """A tensor like the one that says for each sample whether it sees the light; only its shape is computed."""
+    from torch._subclasses.fake_tensor import FakeTensorMode
+
+    with FakeTensorMode(allow_non_fake_inputs=True) as mode:
+        needed = before([mode.from_tensor(t) for t in tensors])[0]
+    return torch.zeros(needed.shape, dtype=needed.dtype)
 
 
 def _size(n: Any) -> Size:
