@@ -154,6 +154,9 @@ class CellRecord:
         float, describe_column("provenance", "processor time used by other programs", unit="%", scale=100.0)
     ] = NAN
     reference_seconds: Annotated[float, describe_column("reference", "time of the reference", unit="s")] = NAN
+    kernels: Annotated[dict[str, str], describe_column("provenance", "how its kernels ran")] = field(
+        default_factory=dict
+    )
     version: Annotated[str, describe_column("provenance", "version of glossbench")] = ""
     torch: Annotated[str, describe_column("provenance", "version of torch")] = ""
     device: Annotated[str, describe_column("provenance")] = ""

@@ -19,6 +19,7 @@ from glossbench.prefilter import (
     ShadingPoints,
     Vec3,
     finest,
+    kernel,
     lookup,
     luminance_distribution,
     merge_channels,
@@ -84,6 +85,7 @@ class EnvironmentSampling(Method):
         return over_points(_kernel, points, self.samples, material.reflectance(points.device), lights, occluder)
 
 
+@kernel("environment_sampling")
 def _kernel(
     points: ShadingPoints, reflectance: Reflectance, lights: DirectionalLights, occluder: Occluder | None = None
 ) -> Radiance:

@@ -20,6 +20,7 @@ from glossbench.prefilter import (
     ShadingPoints,
     finest,
     irradiance,
+    kernel,
     occluder_of,
     over_points,
     points_2d,
@@ -87,6 +88,7 @@ class ImportanceSampling(Method):
         return radiance
 
 
+@kernel("importance_sampling")
 def _kernel(
     points: ShadingPoints, lobe: Lobe, samples: Any, texels: Environment, occluder: Occluder | None
 ) -> Radiance:

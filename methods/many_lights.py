@@ -18,6 +18,7 @@ from glossbench.prefilter import (
     Shadows,
     Vec3,
     Visibility,
+    kernel,
     median_cut,
     merge_channels,
     no_shadows,
@@ -79,6 +80,7 @@ class ManyLights(Method):
         return over_points(_kernel, points, self.regions, reflectance, direction, partition.power, shadows)
 
 
+@kernel("many_lights")
 def _kernel(
     points: ShadingPoints, reflectance: Reflectance, direction: Vec3, power: Tensor, shadows: Shadows
 ) -> Radiance:

@@ -23,6 +23,7 @@ from glossbench.prefilter import (
     Vec3,
     dot,
     irradiance,
+    kernel,
     occluder_of,
     over_points,
     points_2d,
@@ -176,6 +177,7 @@ def _move_to(pattern: Pattern, device: str) -> Pattern:
     return Pattern(vectors[0], pattern.factor.to(device), vectors[1], vectors[2])
 
 
+@kernel("regular_sampling")
 def _kernel(
     points: ShadingPoints, lobe: Lobe, pattern: Pattern, pyramid: Pyramid, bias: Tensor, occluder: Occluder | None
 ) -> Radiance:

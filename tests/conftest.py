@@ -4,14 +4,20 @@ import os
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 import shape_checks
+from platformdirs import user_cache_path
 
 pytest.register_assert_rewrite("oracles")  # before any of it is imported
 
 from oracles.browser import Browser, find  # noqa: E402
 
+# Compiled kernels of the user are not run here, nor ours kept: the numbers of tests do not depend on what is compiled.
+_cache = TemporaryDirectory(prefix="glossbench-tests-")
+os.environ.setdefault("MPLCONFIGDIR", str(user_cache_path("matplotlib")))  # its fonts, which take seconds to list
+os.environ["XDG_CACHE_HOME"] = _cache.name
 if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: torch, not yet imported, takes no more than its own
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 shape_checks.install()
@@ -69,27 +75,6 @@ def _nothing_waits():
         for module in (image, stage_cache):
             patch.setattr(module, "time_work", lambda work, device, patience: time_work(work, device, 0))
         patch.setattr(os, "fsync", lambda opened: None)
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _what_is_compiled_is_not_checked():
-    """The compiler sees functions as they are: it cannot look through the checks of their shapes."""
-    import torch  # late, as the environment is set first
-
-    compiled = torch.compile
-
-    def without_checks(kernel, **options):
-        run = compiled(kernel, **options)
-
-        def unchecked(*arguments):
-            with shape_checks.off():
-                return run(*arguments)
-
-        return unchecked
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(torch, "compile", without_checks)
         yield
 
 

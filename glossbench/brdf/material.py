@@ -12,7 +12,7 @@ from glossbench.options import Options
 from glossbench.registry import Registry
 from glossbench.shapes import Albedo, Directions, PairValues, PointDirections, Scalar
 
-MAX_LOBES = 16  # per material: the number of kernels that the reference has
+MAX_LOBES = 16  # per material: the reference has a kernel for each lobe
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,10 @@ import torch
 from torch import Tensor
 
 from glossbench.brdf.cook_torrance import CookTorrance
-from glossbench.brdf.kurt import Kurt
+from glossbench.brdf.kurt import FreeShadowing, Kurt
 from glossbench.brdf.lobe import Lobe
+from glossbench.commands.bench_drjit import drjit_version, filtered_samples_in_drjit
+from glossbench.commands.bench_kernels import method_calls, rates
 from glossbench.directions import Vec3, points_2d, stack, to_local, vec3
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Spots
@@ -26,7 +28,9 @@ from glossbench.scene.points import ShadingPoints
 from glossbench.scene.shapes import cloth
 from glossbench.scene.sphere import Sphere
 from glossbench.scene.virtual_cube import pair_points, valid_pairs, virtual_directions
-from glossbench.shading.kernels import can_fuse, over_points
+from glossbench.shading.kernels import kernel, over_points
+from glossbench.shading.kernels.backend import always, choosing, never
+from glossbench.shading.kernels.build import has_compiler
 from glossbench.shading.method import METHODS, order_stages
 
 SAMPLES, CUBE, VIEW, REGIONS = 32, 256, 128, 64
@@ -45,6 +49,8 @@ def measure(tell: Callable[[str], None]) -> list[Line]:
     """All measurements, in a minute or two; `tell` is called with the name of each before it begins."""
     tell("shading kernel")
     lines = _measure_kernels()
+    tell("the kernels of all methods")
+    lines += _measure_methods()
     tell("sampling the lighting function")
     lines += _measure_lighting()
     tell("pyramids of a 1024 cube")
@@ -64,18 +70,35 @@ def _measure_kernels() -> list[Line]:
     arguments = (lobe, samples, pyramid, level)
     pairs = len(points) * SAMPLES
     plain = _measure_rate(lambda: _sum_directly(points, lobe, samples, pyramid, level), pairs)
-    eager = _measure_rate(lambda: over_points(_sum_filtered, points, SAMPLES, *arguments, fuse=False), pairs)
+    with choosing(never):
+        eager = _measure_rate(lambda: over_points(_sum_filtered, points, SAMPLES, *arguments), pairs)
     what = f"filtered importance sampling, {SAMPLES} samples, {CUBE} cube, {VIEW}^2 sphere"
     lines = [
         Line(f"{what}: straightforward eager", f"{plain:.1f} M samples/s", "1"),
         Line(f"{what}: chunked eager", f"{eager:.1f} M samples/s", f"{eager / plain:.1f}"),
     ]
-    if can_fuse():
-        fused = _measure_rate(lambda: over_points(_sum_filtered, points, SAMPLES, *arguments, fuse=True), pairs)
-        lines.append(Line(f"{what}: fused", f"{fused:.1f} M samples/s", f"{fused / plain:.1f}"))
+    if has_compiler():
+        with choosing(always):
+            compiled = _measure_rate(lambda: over_points(_sum_filtered, points, SAMPLES, *arguments), pairs)
+        lines.append(Line(f"{what}: compiled", f"{compiled:.1f} M samples/s", f"{compiled / plain:.1f}"))
+    if (installed := drjit_version()) is None:
+        return [*lines, Line(f"{what}: Dr.Jit", "not measured: it or LLVM is not installed")]
+    assert isinstance(lobe, FreeShadowing)
+    drjit = _measure_rate(filtered_samples_in_drjit(points, lobe, samples, pyramid, level), pairs)
+    return [*lines, Line(f"{what}: Dr.Jit {installed}", f"{drjit:.1f} M samples/s", f"{drjit / plain:.1f}")]
+
+
+def _measure_methods() -> list[Line]:
+    """The first kernel of each method, compiled, compared with itself run eagerly."""
+    lines = []
+    for name, call, pairs in method_calls(CUBE, VIEW, SAMPLES) if has_compiler() else ():
+        found, what = rates(call, pairs), f"{name}, {call.kernel.name}: compiled, compared with eager"
+        value = f"{found[1]:.1f} M pairs/s" if found else "not compiled"
+        lines.append(Line(what, value, f"{found[1] / found[0]:.1f}" if found else ""))
     return lines
 
 
+@kernel("bench_filtered_samples")
 def _sum_filtered(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
     """Filtered samples of an unoccluded light."""
     _, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
@@ -105,15 +128,19 @@ def _measure_lighting() -> list[Line]:
     plain = _measure_rate(
         lambda: [_sum_term_by_term(light, material, 8, int(n)) for n in normals], terms * len(normals) // 384, 1
     )
-    ours = _measure_rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=False), terms, 1)
+    with choosing(never):
+        ours = _measure_rate(lambda: sample_lighting_function(light, material, 8, 32), terms, 1)
     what = "lighting function, Cook-Torrance, virtual cube of 8, light of 32"
     lines = [
         Line(f"{what}: term by term, eager", f"{plain:.1f} M terms/s", "1"),
         Line(f"{what}: one normal for 24, eager", f"{ours:.1f} M terms/s", f"{ours / plain:.1f}"),
     ]
-    if can_fuse():
-        fused = _measure_rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=True), terms, 1)
-        lines.append(Line(f"{what}: one normal for 24, fused", f"{fused:.1f} M terms/s", f"{fused / plain:.1f}"))
+    if has_compiler():
+        with choosing(always):
+            compiled = _measure_rate(lambda: sample_lighting_function(light, material, 8, 32), terms, 1)
+        lines.append(
+            Line(f"{what}: one normal for 24, compiled", f"{compiled:.1f} M terms/s", f"{compiled / plain:.1f}")
+        )
     return lines
 
 
@@ -187,7 +214,8 @@ def shade_large() -> Tensor:
     points, pyramid = Sphere(resolution=512).points(), build_pyramid(Spots().cubemap(), "gauss6")
     lobe = Kurt(m=(0.15, 0.15)).reflectance().lobes[0]
     samples = lobe.sample_points(points_2d(270))
-    return over_points(_sum_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0), fuse=False)
+    with choosing(never):
+        return over_points(_sum_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0))
 
 
 # Runs in a separate process, so that the peak is that of this work alone.

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from glossbench.commands import completion, data
 from glossbench.commands.arguments import StudyArgument
+from glossbench.commands.compile import compile_kernels
 from glossbench.commands.consoles import escape_controls, open_streams
 from glossbench.commands.figure import figure
 from glossbench.commands.findings import findings
@@ -124,6 +125,7 @@ def schema() -> None:
     say_lines(json.dumps(study_schema(), indent=1))
 
 
+app.command(name="compile")(compile_kernels)
 app.command()(info)
 app.command()(figure)
 app.command()(findings)

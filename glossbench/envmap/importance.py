@@ -15,17 +15,15 @@ class LightDistribution:
     """A density over directions, constant in the face coordinates of each texel.
 
     Attributes:
-        density: probability of a texel divided by its area in face coordinates, P_texel R^2 / 4, (6 R R,), float32.
+        density: probability of a texel divided by its area in face coordinates, P_texel R^2 / 4, (6 R, R), float32.
         marginal: cumulative probability of the 6 R rows of texels, (6 R + 1,), float64.
         conditional: cumulative probability along each row, plus the row's number, so that it increases over all rows,
             (6 R R,), float64.
-        resolution: R.
     """
 
     density: Tensor
     marginal: Tensor
     conditional: Tensor
-    resolution: int
 
     def sample(self, u: Tensor) -> tuple[Vec3, Tensor]:
         """Directions (N,) from points (N, 2) of the unit square, and their pdf (N,) [1/sr].
@@ -33,7 +31,7 @@ class LightDistribution:
         u1 chooses the row and u2 the column; their remainders place the direction inside the texel, so a stratified
         point set stays stratified.
         """
-        r = self.resolution
+        r = self.density.shape[1]
         u1, u2 = u[:, 0].double(), u[:, 1].double()
         row = (torch.searchsorted(self.marginal, u1, right=True) - 1).clamp(0, 6 * r - 1)
         v = (u1 - self.marginal[row]) / (self.marginal[row + 1] - self.marginal[row])
@@ -48,15 +46,15 @@ class LightDistribution:
         d = Vec3(*(c.to(face.device).gather(0, face[None])[0] for c in all_faces))
         # The density of the chosen texel: in float32 a direction at its edge may fall into a black neighbour.
         major = torch.maximum(torch.maximum(d.x.abs(), d.y.abs()), d.z.abs())
-        return d, self.density[index] / (major * major * major)
+        return d, self.density[row, index % r] / (major * major * major)
 
     def pdf(self, d: Vec3) -> Tensor:
         """Density [1/sr] at unit directions: density * (area on the face per solid angle) = density / major^3."""
         face, s, t, major = face_coordinates(d)
-        r = self.resolution
+        r = self.density.shape[1]
         column = ((s + 1) * (0.5 * r)).int().clamp(0, r - 1)
         row = ((t + 1) * (0.5 * r)).int().clamp(0, r - 1)
-        return self.density[(face * r + row) * r + column] / (major * major * major)
+        return self.density[face * r + row, column] / (major * major * major)
 
 
 def luminance_distribution(light: CubeMap) -> LightDistribution:
@@ -81,5 +79,5 @@ def luminance_distribution(light: CubeMap) -> LightDistribution:
     along = probability.cumsum(1)
     along = along / along[:, -1:].clamp(min=1e-300)
     conditional = along + torch.arange(6 * r, device=mean.device, dtype=torch.float64)[:, None]
-    density = (probability.reshape(-1) * (r * r / 4)).float()
-    return LightDistribution(density, marginal, conditional.reshape(-1), r)
+    density = (probability * (r * r / 4)).float()
+    return LightDistribution(density, marginal, conditional.reshape(-1))

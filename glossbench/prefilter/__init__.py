@@ -83,7 +83,7 @@ from glossbench.prefilter.median_cut import Partition, make_whole, median_cut
 from glossbench.prefilter.stages import irradiance, pyramid
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
-from glossbench.shading.kernels import PerPoint, over_points
+from glossbench.shading.kernels import Kernel, PerPoint, kernel, over_points
 from glossbench.shading.method import METHODS, Contract, Method, stage
 from glossbench.shading.visibility import occluder_of, unhidden
 from glossbench.shapes import Radiance
@@ -158,8 +158,10 @@ __all__ = [
     "tangent",
     "unhidden",
     "valid_pairs",
-    # Kernels: pure functions of points, run over all points.
+    # Kernels: pure functions of points, run over all points, eagerly or compiled.
+    "Kernel",
     "PerPoint",
+    "kernel",
     "over_points",
     # Stages and samples that methods share, and the diffuse part.
     "FilteredSamples",

@@ -10,7 +10,7 @@ from glossbench.directions import Vec3, cosine_hemisphere, to_world
 from glossbench.envmap.harmonics import irradiance as irradiance_at
 from glossbench.envmap.pyramid import Environment, weighted_radiance
 from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading.kernels import over_points
+from glossbench.shading.kernels import kernel, over_points
 from glossbench.shading.visibility import unhidden
 
 
@@ -49,6 +49,7 @@ def visible_diffuse(
     return mean * torch.stack(reflectance.diffuse)
 
 
+@kernel("visible_light")
 def _sum_visible_light(
     points: ShadingPoints, wi: Vec3, environment: Environment, occluder: Occluder, level: Tensor | None
 ) -> Tensor:

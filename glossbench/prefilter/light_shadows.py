@@ -16,8 +16,8 @@ from glossbench.prefilter.median_cut import Partition
 from glossbench.scene.camera import frame_vertices
 from glossbench.scene.mesh import Mesh
 from glossbench.scene.points import Occluder, ShadingPoints
-from glossbench.shading.kernels import untraced
 from glossbench.shading.method import stage
+from glossbench.shading.visibility import unhidden
 
 Visibility = Literal["none", "shadow_maps", "rays"]
 
@@ -26,18 +26,16 @@ class Shadows(Protocol):
     """The visibility of each of N lights from a point."""
 
     def visible(self, points: ShadingPoints) -> Tensor:
-        """Visible share of each light (P, N), in [0, 1], at points with components (P, 1)."""
+        """Visible share of each light (P, N) or of all (P, 1), in [0, 1], at points with components (P, 1)."""
 
 
 @dataclass(frozen=True)
 class NoShadows:
-    """N lights that nothing hides."""
-
-    n_lights: int
+    """Lights that nothing hides."""
 
     def visible(self, points: ShadingPoints) -> Tensor:
-        """Ones (P, N)."""
-        return torch.ones_like(points.n.x).expand(-1, self.n_lights)
+        """Ones (P, 1), which serve all lights."""
+        return torch.ones_like(points.n.x)
 
 
 @dataclass(frozen=True)
@@ -52,14 +50,10 @@ class RayShadows:
     direction: Vec3
     occluder: Occluder
 
-    @untraced
     def visible(self, points: ShadingPoints) -> Tensor:
         """Ones and zeros (P, N); a light behind the surface is hidden."""
-        assert points.position is not None
-        assert points.ng is not None
-        shape = torch.broadcast_shapes(points.n.x.shape, self.direction.x.shape)
-        rays = (Vec3(*(c.expand(shape).flatten() for c in v)) for v in (points.position, points.ng, self.direction))
-        return self.occluder.visible(*rays).view(shape).float()
+        one = torch.ones_like(points.n.x + self.direction.x)
+        return unhidden((one,), points, self.direction, self.occluder)[0]
 
 
 @dataclass(frozen=True)
@@ -78,7 +72,7 @@ class VarianceShadowMaps:
         placing: maps a point (x, y, z, 1) to the right and down axes of the image, in [-1, 1], and to its height:
             (3, 4, N).
         least_variance: the square of half a texel, (1, N), so that rounding does not cast shadows.
-        light_bleeding: b, in [0, 1).
+        light_bleeding: b, in [0, 1), a scalar.
 
     Source: Donnelly and Lauritzen 2006, "Variance shadow maps", eq. 5; b, Lauritzen 2007, "Summed-area variance shadow
     maps", section 8.4.3.
@@ -87,7 +81,7 @@ class VarianceShadowMaps:
     moments: Tensor
     placing: Tensor
     least_variance: Tensor
-    light_bleeding: float
+    light_bleeding: Tensor
 
     def visible(self, points: ShadingPoints) -> Tensor:
         """The bound p (P, N)."""
@@ -115,7 +109,7 @@ def cast(
 ) -> Shadows:  # fmt: skip
     """The shadows of N lights with directions and solid angles (N,); only shadow maps use the last three arguments."""
     if visibility == "none" or not isinstance(scene, Occluder):
-        return NoShadows(len(solid_angle))
+        return NoShadows()
     if visibility == "rays":
         return RayShadows(Vec3(*(c[None] for c in direction)), scene)
     assert isinstance(scene, Mesh)
@@ -162,7 +156,7 @@ def build_variance_shadow_maps(
         torch.from_numpy(moments).to(device),
         torch.from_numpy(placing).float().permute(1, 2, 0).contiguous().to(device),
         torch.from_numpy((texel[None] / 2) ** 2).float().to(device),
-        light_bleeding,
+        torch.tensor(light_bleeding, dtype=torch.float32, device=device),
     )
 
 

@@ -13,11 +13,10 @@ rotated lights). This is exact and needs only one of 24 evaluations of f.
 Source: Latta and Kolb 2002, section 3.3, eq. 9 to 11.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import permutations, product
 from math import pi
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from torch import Tensor
@@ -29,15 +28,13 @@ from glossbench.envmap.cubemap import CubeMap, face_coordinates, texel_solid_ang
 from glossbench.envmap.projections.resampling import resize
 from glossbench.errors import InputError
 from glossbench.scene.virtual_cube import LEAST_COSINE, tangent, valid_pairs, virtual_directions
-from glossbench.shading.kernels import fused
+from glossbench.shading.kernels import kernel
+from glossbench.shading.kernels.backend import ready
 
 TexelWeight = Literal["exact", "differential"]
-Kernel = Callable[..., tuple[Tensor, ...]]
 
 # Values of f in a block: a few blocks stay in a core's second-level cache.
 _BLOCK = 1 << 18
-# Measured on one core: this number of values takes 11 s in eager mode and 3 s fused; compiling takes 5 to 8 s.
-_FUSE_ABOVE = 1 << 27
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,6 @@ def sample_lighting_function(
     edge: int = 12,
     light_edge: int = 64,
     weight: TexelWeight = "exact",
-    fuse: bool | None = None,
 ) -> LightingSamples:
     """Lo for all valid pairs of normal and view of a virtual cube, each the sum over all texels of the light.
 
@@ -105,7 +101,6 @@ def sample_lighting_function(
         edge: V, at least 2.
         light_edge: a finer light is averaged, by solid angle, to this number of texels along the edge of a face.
         weight: the formula of g.
-        fuse: force the fused (True) or the eager (False) evaluation of f.
 
     Raises:
         InputError: the material is anisotropic.
@@ -122,8 +117,6 @@ def sample_lighting_function(
     lo = torch.zeros(len(directions), len(directions), 3, dtype=torch.float64, device=device)
     first = images.min(0).values.unique()  # one normal of each orbit
     n_values = len(first) * len(directions) * len(texels) // 4
-    fuse = n_values >= _FUSE_ABOVE if fuse is None else fuse
-    kernel: Kernel = fused(_weigh_light) if fuse else _weigh_light
     reflectance = material.reflectance(str(device))
     counted = 0
     with torch.no_grad():
@@ -132,7 +125,7 @@ def sample_lighting_function(
             seen = (directions @ n > LEAST_COSINE).nonzero()[:, 0]
             lit = (texels @ n.float().to(device) > 0).nonzero()[:, 0]
             sums = _sum_radiance(
-                kernel, reflectance, n, directions[seen].to(device), texels[lit], weights[lit], rotated[:, lit]
+                reflectance, n, directions[seen].to(device), texels[lit], weights[lit], rotated[:, lit], n_values
             )
             lo[images[:, one, None], images[:, seen]] = sums
             counted += len(seen) * len(lit)
@@ -141,7 +134,7 @@ def sample_lighting_function(
 
 
 def _sum_radiance(
-    kernel: Kernel, reflectance: Reflectance, n: Tensor, views: Tensor, texels: Tensor, weights: Tensor, rotated: Tensor
+    reflectance: Reflectance, n: Tensor, views: Tensor, texels: Tensor, weights: Tensor, rotated: Tensor, n_values: int
 ) -> Tensor:
     """Lo for one normal and its views under each of 24 rotated lights (24, texels, 3): (24, views, 3), float64."""
     normal = vec3(n.to(views.device))
@@ -151,14 +144,20 @@ def _sum_radiance(
     wi = Vec3(*(c.float()[None] for c in to_local(vec3(texels.double()), *frame)))
     total = torch.zeros(3, len(views), len(rotated), dtype=torch.float64, device=views.device)
     size = max(2, _BLOCK // len(views))
+
+    def of_block(block: slice) -> tuple[Any, ...]:
+        return reflectance, wo, Vec3(*(c[:, block] for c in wi)), weights[None, block]
+
+    evaluate = ready(_weigh_light, of_block(slice(0, size)), n_values)
     for start in range(0, len(texels), size):
         block = slice(start, start + size)
-        values = kernel(reflectance, wo, Vec3(*(c[:, block] for c in wi)), weights[None, block])
+        values = evaluate(*of_block(block))
         for c, value in enumerate(widen(values, 3)):
             total[c] += (value @ rotated[:, block, c].T).double()
     return total.permute(2, 1, 0)
 
 
+@kernel("lighting_function")
 def _weigh_light(reflectance: Reflectance, wo: Vec3, wi: Vec3, weights: Tensor) -> tuple[Tensor, ...]:
     """f g cos_i, (views, texels), for each channel."""
     return tuple(f * (wi.z * weights) for f in reflectance.f(wo, wi))

@@ -29,21 +29,30 @@ def time_limit(seconds: float, give_up: Callable[[], None]) -> Iterator[None]:
             finally:
                 os._exit(1)
 
-    has_alarm = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGALRM, lambda *_: _interrupt(seconds)) if has_alarm else None
     threading.Thread(target=watch, daemon=True).start()
     if sys.__stderr__ is not None:
         faulthandler.dump_traceback_later(seconds + 2 * GRACE, exit=True, file=sys.__stderr__)
     try:
-        if has_alarm:
-            signal.setitimer(signal.ITIMER_REAL, seconds)
-        yield
+        with alarm(seconds):
+            yield
     finally:
-        if has_alarm:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, before)
         done.set()
         faulthandler.cancel_dump_traceback_later()
+
+
+@contextmanager
+def alarm(seconds: float) -> Iterator[None]:
+    """Raise TimeoutError in Python code of the block after `seconds`; not in other threads, nor on some systems."""
+    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, lambda *_: _interrupt(seconds))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def _interrupt(seconds: float) -> None:

@@ -12,7 +12,7 @@ from glossbench.strict_json import seal, unseal
 
 NAME = "glossbench.json"
 SUMMARY = ("study.yaml", "provenance.json", "claims.json", "cells.parquet")
-KEPT = ("columns.json", "described.json")  # further files about the results; results of older versions lack them
+KEPT = ("columns.json", "described.json", "kernels.json")  # further files; results of older versions lack them
 REPORTS = ("report.html", "report.pdf")
 # Columns of a cell's entry. A key includes neither the name of a file nor an unused seed.
 ENTRY = ("key", "light_options", "seed")

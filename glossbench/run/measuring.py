@@ -85,6 +85,7 @@ def measure(
         record, tuned=tuned, options=method.as_dict(),
         metrics={name: remove_bias(values) for name, values in compared.items()},
         left_out={name: values for name, values in compared.items() if len(values) > 1},
+        kernels=dict(sorted(image.kernels.items())),
         at_noise_floor=compared["rms"][0] < 2 * truth.noise, is_random=bool(method.is_random),
         n_samples=costs.n_samples, state_bytes=costs.state_bytes,
         stage_seconds=dict(costs.stage_seconds), update_seconds=dict(costs.update_seconds),

@@ -4,6 +4,7 @@ study.yaml          the resolved study
 cells.parquet       one row per cell, in the order of the study
 columns.json        unit, title and role of each column of that table, from the version of the run
 described.json      descriptions of its methods, materials, lights, views and metrics, from the version of the run
+kernels.json        how each kernel ran, eagerly or compiled, which a resumed run keeps
 claims.json         the verdicts
 provenance.json     versions, hardware, times
 glossbench.json     the list of files that this program wrote, and the keys of the study's cells; exists from the start

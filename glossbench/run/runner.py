@@ -20,11 +20,16 @@ from glossbench.process.surroundings import settled
 from glossbench.provenance import collect_provenance
 from glossbench.run.cell_keys import Identity
 from glossbench.run.executor import Executor, Progress
+from glossbench.run.kernel_calls import calls_of
+from glossbench.run.kernel_choices import KernelChoices
 from glossbench.run.manifest import make_entry
 from glossbench.run.results import Results
 from glossbench.run.study_lights import StudyLights
+from glossbench.shading.kernels.backend import choosing
 from glossbench.study.cells import Cell
 from glossbench.study.study import Study
+
+PATIENCE = 1.0  # seconds per method, to find the kernels that a run calls
 
 
 @settled()
@@ -80,9 +85,16 @@ def run_study(
         if fuller := results.begin(study.resolved(), entries, collect_provenance(study.device, started, source)):
             progress.note(fuller)
         progress.begin(len(cells))
-        for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # cells that ended the process come last
-            rows[i] = executor.run(cells[i], known[i], rerun_failed)
-            progress.cell(rows[i])
+        choices = KernelChoices(results.disk, again=not use_cache)
+        # What plug-ins call is not known before they run, guarded, in their own cells.
+        own_cells = [cells[i] for i in own if i not in kept]
+        if own_cells and study.device == "cpu":
+            progress.doing("kernels")
+            choices.plan(calls_of(own_cells, study.reference.max_samples, PATIENCE), progress.doing)
+        with choosing(choices.choose):
+            for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # cells that ended the process come last
+                rows[i] = executor.run(cells[i], known[i], rerun_failed)
+                progress.cell(rows[i])
     finally:
         end_children(but=running)
     in_order = [rows[i] for i in range(len(cells))]

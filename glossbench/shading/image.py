@@ -15,6 +15,7 @@ from glossbench.errors import InputError, MethodError, check_call
 from glossbench.process.surroundings import settled
 from glossbench.scene.points import ShadingPoints, View, image_of
 from glossbench.shading.costs import Costs, time_work
+from glossbench.shading.kernels.backend import noting
 from glossbench.shading.method import CHANGES, INPUTS, Method, find_dependencies, order_stages
 from glossbench.shading.outputs import check_count, check_pictures, check_reason
 from glossbench.shading.stage_cache import PreparedStage, StageCache, forbid_writes
@@ -30,12 +31,14 @@ class Image:
         mask: true where the surface is visible.
         costs: seconds and bytes.
         pictures: pictures of the method's state, by name.
+        kernels: how each kernel that shade called ran, "eager" or "compiled", by name.
     """
 
     radiance: Picture
     mask: Mask
     costs: Costs = field(default_factory=Costs)
     pictures: Mapping[str, Shaped[Tensor, "_ _ 3"]] = field(default_factory=dict)
+    kernels: Mapping[str, str] = field(default_factory=dict)
 
 
 @settled()
@@ -73,7 +76,7 @@ def shade(
     points = view.points().to(device)
     known = inputs | {"points": points} | {name: p.value for name, p in prepared.items()}
     state = select_arguments(method.shade, known)
-    with forbid_writes(f"{method.name}.shade", state):
+    with forbid_writes(f"{method.name}.shade", state), noting() as kernels:
         values, timing = time_work(lambda: method.shade(**state), device, patience)
     mask = view.mask()
     depends = find_dependencies(order_stages(type(method)))
@@ -90,7 +93,7 @@ def shade(
     pictures: Mapping[str, Tensor] = {}
     if method.pictures is not None and time_it:
         pictures = check_pictures(method.name, method.pictures(**select_arguments(method.pictures, known)))
-    return Image(image_of(mask, _check_radiance(method, points, values)), mask, costs, pictures)
+    return Image(image_of(mask, _check_radiance(method, points, values)), mask, costs, pictures, kernels)
 
 
 def prepare(

@@ -29,17 +29,13 @@ from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
 from glossbench.errors import InputError, MethodError, check_call
 from glossbench.process.surroundings import settled
 from glossbench.scene.points import Occluder, ShadingPoints, View, image_of
-from glossbench.shading.kernels import over_points
+from glossbench.shading.kernels import kernel, over_points
 from glossbench.shading.visibility import occluder_of, unhidden
 from glossbench.truth.checkpoint import Checkpoint
 
 N_REPLICATES = 16  # the relative error of the standard error is 1 / sqrt(2 (16 - 1)) = 18 %
 N_GROUPS = 8  # of two replicates each; a metric is evaluated once more for each group
 FIRST_SAMPLES = 64  # per replicate and technique
-# A round with at least so many point-sample pairs is fused. In eager mode it takes 6 s; compiling its kernels takes
-# about 30 s once. But the next rounds take two and four times as long, and other references of the study use the same
-# compiled kernels.
-FUSE_ABOVE = 1 << 26
 
 
 @dataclass(frozen=True)
@@ -176,9 +172,8 @@ def compute_reference(
         for r, sequences in enumerate(engines):
             if done[r] < n:
                 new = n - done[r]
-                fuse = len(points) * new * N_REPLICATES * n_techniques >= FUSE_ABOVE
                 u = [_open(engine.draw(new)).to(device) for engine in sequences]
-                sums[r] += _round(points, tables, u, fuse)
+                sums[r] += _round(points, tables, u)
                 done[r] = n
                 kept.save(sums, done)
         mean = sums.mean(0) / n
@@ -200,24 +195,25 @@ def estimates(light: CubeMap, material: Material, points: ShadingPoints, n_sampl
     n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
     engines = [SobolEngine(2, scramble=True, seed=seed * 64 + k) for k in range(n_techniques)]
     u = [_open(engine.draw(n_samples)).to(points.device) for engine in engines]
-    return _round(points, tables, u, len(points) * n_samples * n_techniques >= FUSE_ABOVE) / n_samples
+    return _round(points, tables, u) / n_samples
 
 
-def _round(points: ShadingPoints, tables: Tables, u: list[Tensor], fuse: bool) -> Tensor:
+def _round(points: ShadingPoints, tables: Tables, u: list[Tensor]) -> Tensor:
     """Sum over one round of samples of every technique, (P, 3), float64."""
     n = u[0].shape[0]
     d, pdf = tables.distribution.sample(u[0])
     lights = LightSamples(Vec3(*(c[None] for c in d)), lookup(tables.texels, d), pdf[None])
-    total = over_points(_from_light, points, n, tables, lights, fuse=fuse).double()
+    total = over_points(_from_light, points, n, tables, lights).double()
     for k, lobe in enumerate(tables.reflectance.lobes):
         samples = lobe.sample_points(u[1 + k])
-        total += over_points(_LOBE_KERNELS[k], points, n, tables, samples, fuse=fuse).double()
+        total += over_points(_from_lobe, points, n, tables, samples, k).double()
     if tables.reflectance.diffuse:
         wi = Vec3(*(c[None] for c in cosine_hemisphere(u[-1])))
-        total += over_points(_from_cosine, points, n, tables, wi, fuse=fuse).double()
+        total += over_points(_from_cosine, points, n, tables, wi).double()
     return total
 
 
+@kernel("reference_light")
 def _from_light(points: ShadingPoints, tables: Tables, lights: LightSamples) -> Tensor:
     wo, wi = points.wo_local(), to_local(lights.direction, points.t, points.b, points.n)
     weight = _balanced(tables.reflectance, wo, wi, lights.pdf)
@@ -232,6 +228,7 @@ def _from_surface(points: ShadingPoints, tables: Tables, wo: Vec3, wi: Vec3) -> 
     return weighted_radiance(tables.texels, d, None, weight)
 
 
+@kernel("reference_cosine")
 def _from_cosine(points: ShadingPoints, tables: Tables, wi: Vec3) -> Tensor:
     return _from_surface(points, tables, points.wo_local(), wi)
 
@@ -248,16 +245,10 @@ def _balanced(reflectance: Reflectance, wo: Vec3, wi: Vec3, light_pdf: Tensor) -
     return tuple(channel * weight for channel in f)
 
 
-def _lobe_kernel(k: int) -> Callable[..., Tensor]:
-    def from_lobe(points: ShadingPoints, tables: Tables, samples: Any) -> Tensor:
-        wo = points.wo_local()
-        return _from_surface(points, tables, wo, tables.reflectance.lobes[k].sample(wo, samples).wi)
-
-    return from_lobe
-
-
-# One kernel object per lobe number, because torch.compile keeps its result per kernel object.
-_LOBE_KERNELS = [_lobe_kernel(k) for k in range(MAX_LOBES)]
+@kernel("reference_lobe")
+def _from_lobe(points: ShadingPoints, tables: Tables, samples: Any, k: int) -> Tensor:
+    wo = points.wo_local()
+    return _from_surface(points, tables, wo, tables.reflectance.lobes[k].sample(wo, samples).wi)
 
 
 def _open(u: Tensor) -> Tensor:

@@ -112,5 +112,5 @@ class AmbientOcclusion(Method):
     ) -> Radiance:
         """Radiance (P, 3)."""
         reflectance = material.as_lobes(points.device)
-        open_scene = lobe_radiance(points, reflectance, lobe_sums, calibration, maps, NoShadows(1), self.energy)
+        open_scene = lobe_radiance(points, reflectance, lobe_sums, calibration, maps, NoShadows(), self.energy)
         return ambient.to(points.device)[:, None] * open_scene

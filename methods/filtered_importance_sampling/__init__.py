@@ -30,6 +30,7 @@ from glossbench.prefilter import (
     dot,
     filtered_samples,
     irradiance,
+    kernel,
     luminance_distribution,
     normalize,
     occluder_of,
@@ -203,6 +204,7 @@ class FilteredImportanceSampling(Method):
         return torch.tensor(extent + self.mip_bias - log2(n) / 2, device=device)
 
 
+@kernel("filtered_importance_sampling")
 def _sum_isotropic(
     points: ShadingPoints,
     lobe: Lobe,
@@ -244,6 +246,7 @@ def _make_steps(lobe: Lobe, u: Tensor) -> SteppedPoints:
     return SteppedPoints(lobe.sample_points(first), lobe.sample_points(second), (signs[:, 0] * signs[:, 1])[None])
 
 
+@kernel("affine_footprint")
 def _sum_affine(
     points: ShadingPoints,
     lobe: Lobe,

@@ -26,7 +26,7 @@ def fit_visibility(points: ShadingPoints, occluder: Occluder, directions: Vec3, 
     inverse = torch.linalg.pinv(basis.T @ basis, rtol=LEAST_EIGENVALUE, hermitian=True)
     solver = (basis @ inverse).float()
     rows = Vec3(*(c[None] for c in directions))
-    return over_points(_fit, points, len(solver), rows, solver, occluder, fuse=False)
+    return over_points(_fit, points, len(solver), rows, solver, occluder)
 
 
 def _fit(points: ShadingPoints, directions: Vec3, solver: Tensor, occluder: Occluder) -> Tensor:

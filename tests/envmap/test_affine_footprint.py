@@ -9,8 +9,7 @@ from glossbench.directions import Vec3, points_2d
 from glossbench.envmap.pyramid import Pyramid, build_pyramid, lookup
 from glossbench.methods.filtered_importance_sampling import FilteredImportanceSampling
 from glossbench.scene.points import ShadingPoints
-from glossbench.shading import kernels
-from glossbench.shading.kernels import fused
+from glossbench.shading.kernels.backend import always, choosing, noting
 
 SAMPLES, PROBES = 12, 8
 M = (0.3, 0.08)
@@ -104,16 +103,14 @@ def test_a_constant_light_needs_no_footprint():
     torch.testing.assert_close(images[0], images[1], rtol=1e-6, atol=0)
 
 
-@pytest.mark.filterwarnings("ignore:`torch.jit.script_method` is deprecated")
-def test_fused_equals_eager(light, monkeypatch):
+def test_compiled_equals_eager(light):
     method = gb.method("filtered_importance_sampling", samples=SAMPLES, footprint="affine", probes=2)
     arguments = surface(), gb.material("kurt", m=M), build_pyramid(light, "box"), torch.zeros(9, 3)
     eager = method.shade(*arguments)
-    compiled_kernels = fused.cache_info().misses
 
-    monkeypatch.setattr(kernels, "FUSE_ABOVE", 0)
-    compiled = method.shade(*arguments)
+    with choosing(always), noting() as used:
+        compiled = method.shade(*arguments)
 
-    assert fused.cache_info().misses == compiled_kernels + 1
+    assert used == {"affine_footprint": "compiled"}
     # Measured 1.4e-7.
     torch.testing.assert_close(compiled, eager, rtol=7e-7, atol=0)

@@ -23,7 +23,7 @@ def test_one_number_of_a_dict_has_a_separate_column():
 def test_options_are_json_and_times_are_not():
     assert [name for name, column in COLUMNS.items() if column.is_json] == [
         "light_options", "material_options", "view_options", "options", "tuned", "tune", "notes", "left_out",
-        "stage_seconds", "update_seconds",
+        "stage_seconds", "update_seconds", "kernels",
     ]  # fmt: skip
 
 

@@ -12,8 +12,9 @@ from glossbench.brdf.kurt import Kurt
 from glossbench.directions import Vec3
 from glossbench.envmap.lights.synthetic import Constant, Spots
 from glossbench.prefilter import diffuse
-from glossbench.shading import kernels, visibility
+from glossbench.shading import visibility
 from glossbench.shading.image import shade
+from glossbench.shading.kernels.backend import always, choosing
 from glossbench.shading.method import METHODS
 from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import compute_reference
@@ -158,20 +159,19 @@ def test_on_a_sphere_rays_change_not_a_bit(method):
     assert none.any()
 
 
-@pytest.mark.filterwarnings("ignore:`torch.jit:DeprecationWarning")  # the compiler's own, while it loads
-def test_fused_and_eager_kernels_hide_the_same(monkeypatch):
-    """Of a lobe alone: a diffuse part would be a second kernel to compile."""
+def test_compiled_and_eager_kernels_hide_the_same():
+    """Of a lobe alone: a diffuse part would be another kernel to compile."""
 
     def shown(visibility):
         method = gb.method("filtered_importance_sampling", samples=64, visibility=visibility)
-        return shade(method, light("spots"), replace(MATERIAL, kd=0.0), view(), time_it=False).radiance
+        return shade(method, light("spots"), replace(MATERIAL, kd=0.0), view(), time_it=False)
 
-    eager, blinded = shown("rays"), shown("none")
-    n_compiled = kernels.fused.cache_info().misses
-    monkeypatch.setattr(kernels, "FUSE_ABOVE", 0)
-    fused = shown("rays")
+    eager, blinded = shown("rays").radiance, shown("none").radiance
+    with choosing(always):
+        image = shown("rays")
 
-    assert kernels.fused.cache_info().misses == n_compiled + 1
-    torch.testing.assert_close(fused, eager, rtol=4e-7, atol=0)  # measured 8e-8
+    assert image.kernels == {"filtered_importance_sampling": "compiled"}
+    compiled = image.radiance
+    torch.testing.assert_close(compiled, eager, rtol=4e-7, atol=0)  # measured 8e-8
     assert (eager <= blinded).all()
     assert (eager < blinded).any()

@@ -8,7 +8,9 @@ import torch
 
 from glossbench.directions import Vec3, points_2d
 from glossbench.scene.sphere import Sphere
-from glossbench.shading.kernels import can_fuse, over_points
+from glossbench.shading.kernels import kernel, over_points
+from glossbench.shading.kernels.backend import always, choosing, noting
+from glossbench.shading.kernels.build import has_compiler
 from oracles.hemisphere import direction, random_hemisphere, vectors
 
 
@@ -58,6 +60,7 @@ def check_finite(material):
     assert all((w.expand_as(sample.wi.z)[sample.wi.z <= 0] == 0).all() for w in sample.weight)
 
 
+@kernel("everything_of_lobes")
 def everything(points, lobes, samples):
     """Sums over samples of all that the lobes offer."""
     wo, columns = points.wo_local(), []
@@ -69,12 +72,14 @@ def everything(points, lobes, samples):
     return torch.stack(columns, dim=1)
 
 
-def check_fused(*lobes, rtol):
-    if not can_fuse():
+def check_compiled(*lobes, rtol):
+    if not has_compiler():
         pytest.skip("no C++ compiler")
     points, samples = Sphere(resolution=20).points(), tuple(lobe.sample_points(points_2d(64)) for lobe in lobes)
-    eager = over_points(everything, points, 64, lobes, samples, fuse=False)
+    eager = over_points(everything, points, 64, lobes, samples)
 
-    compiled = over_points(everything, points, 64, lobes, samples, fuse=True)
+    with choosing(always), noting() as used:
+        compiled = over_points(everything, points, 64, lobes, samples)
 
+    assert used == {"everything_of_lobes": "compiled"}
     torch.testing.assert_close(compiled, eager, rtol=rtol, atol=0)

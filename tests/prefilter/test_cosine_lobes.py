@@ -25,7 +25,9 @@ from glossbench.methods.importance_sampling import ImportanceSampling
 from glossbench.methods.regular_sampling import RegularSampling
 from glossbench.scene.sphere import Sphere
 from glossbench.shading.image import shade
-from glossbench.shading.kernels import can_fuse, over_points
+from glossbench.shading.kernels import kernel, over_points
+from glossbench.shading.kernels.backend import always, choosing, noting
+from glossbench.shading.kernels.build import has_compiler
 from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import compute_reference
 from oracles.chi_square import chi_square_p, integrate_cells
@@ -608,6 +610,7 @@ def test_smooth_light_notices(monkeypatch, planted, method, name, wrong):
     assert error_of(method, "retro") > 5 * MEASURED[method]["retro"], planted
 
 
+@kernel("everything_of_a_cosine_lobe")
 def _everything(points, lobe, samples, h):
     """Sums over samples of all that a lobe computes."""
     wo = points.wo_local()
@@ -619,16 +622,17 @@ def _everything(points, lobe, samples, h):
     return torch.stack([part.expand_as(wi.z).sum(1) for part in parts], dim=1)
 
 
-@pytest.mark.filterwarnings("ignore:`torch.jit:DeprecationWarning")  # the compiler's own, while it loads
-def test_fused_kernel_agrees_with_the_eager_one():
-    if not can_fuse():
+def test_compiled_kernel_agrees_with_the_eager_one():
+    if not has_compiler():
         pytest.skip("no C++ compiler")
     points, lobe = Sphere(resolution=20).points(), lobe_of(ANISOTROPIC, 20.0)
     h = Vec3(*(c[None] for c in vectors([direction(t, 2.4 * i) for i, t in enumerate(np.linspace(0, 0.3, 64))])))
     arguments = (lobe, lobe.sample_points(points_2d(64)), h)
-    eager = over_points(_everything, points, 64, *arguments, fuse=False)
+    eager = over_points(_everything, points, 64, *arguments)
 
-    compiled = over_points(_everything, points, 64, *arguments, fuse=True)
+    with choosing(always), noting() as used:
+        compiled = over_points(_everything, points, 64, *arguments)
 
+    assert used == {"everything_of_a_cosine_lobe": "compiled"}
     # Measured: 2.4e-7 of the largest, another order of the same float32 operations.
     assert ((compiled - eager).abs() / eager.abs().amax(0)).max() < 2e-6

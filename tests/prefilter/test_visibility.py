@@ -18,6 +18,7 @@ from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.rays import OFFSET, Rays
 from glossbench.scene.shapes import bowl
 from glossbench.shading.kernels import over_points
+from glossbench.shading.kernels.backend import always, choosing, noting
 from glossbench.truth import checkpoint as checkpoint_module
 from glossbench.truth import reference as ground_truth
 from glossbench.truth.reference import compute_reference
@@ -356,8 +357,7 @@ def test_a_convex_mesh_is_lit_as_if_nothing_were_hidden(tmp_path, monkeypatch):
     assert (plain.radiance >= shadowed.radiance).all()
 
 
-@pytest.mark.filterwarnings("ignore:`torch.jit:DeprecationWarning")  # the compiler's own, while it loads
-def test_fused_and_eager_kernels_see_the_same():
+def test_compiled_and_eager_kernels_see_the_same():
     view, _ = under_disc(16)
     light, material = lights()["rough"], gb.material("kurt", ks=0.0, kd=0.5)
     tables = ground_truth.Tables(
@@ -365,12 +365,15 @@ def test_fused_and_eager_kernels_see_the_same():
     )
     wi = Vec3(*(c[None] for c in cosine_hemisphere(torch.rand(256, 2, generator=torch.Generator().manual_seed(0)))))
 
-    eager, fused, unhidden = (
-        over_points(ground_truth._from_cosine, view.points(), 256, tables._replace(occluder=occluder), wi, fuse=fuse)
-        for fuse, occluder in ((False, view.scene()), (True, view.scene()), (False, None))
-    )
+    def seen(occluder):
+        return over_points(ground_truth._from_cosine, view.points(), 256, tables._replace(occluder=occluder), wi)
 
-    torch.testing.assert_close(fused, eager, rtol=6e-7, atol=0)  # measured 0
+    eager, unhidden = seen(view.scene()), seen(None)
+    with choosing(always), noting() as used:
+        compiled = seen(view.scene())
+
+    assert used == {"reference_cosine": "compiled"}
+    torch.testing.assert_close(compiled, eager, rtol=6e-7, atol=0)  # measured 0
     assert (eager < unhidden).all()
 
 

@@ -13,7 +13,7 @@ from glossbench.envmap.pyramid import Environment, weighted_radiance
 from glossbench.prefilter.cosine_lobes.lobe_sum import LobeSum, fit_lobe_sum, no_lobe_sum
 from glossbench.prefilter.light_shadows import Shadows
 from glossbench.scene.points import ShadingPoints
-from glossbench.shading.kernels import over_points
+from glossbench.shading.kernels import kernel, over_points
 from glossbench.shading.method import stage
 
 Energy = Literal["normal", "albedo"]
@@ -88,6 +88,7 @@ def lobe_radiance(
     return radiance
 
 
+@kernel("partial_maps")
 def _compute_means(points: ShadingPoints, maps: Maps, shadows: Shadows, levels: Tensor, diffuse: bool) -> Tensor:
     """c at levels (K, 1, 1 or N): (P, 3 K), all about r, except the first about n if there is a diffuse part."""
     visible = (shadows.visible(points),)

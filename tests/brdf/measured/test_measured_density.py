@@ -15,7 +15,7 @@ from glossbench.brdf.measured.half_vector_density import RINGS, SECTORS, VIEWS, 
 from glossbench.brdf.measured.lobe import MeasuredLobe, build_measured_lobe
 from glossbench.directions import Vec3, points_2d
 from oracles.hemisphere import direction, vectors
-from oracles.lobe_checks import check_fused
+from oracles.lobe_checks import check_compiled
 from oracles.texel_sums import Glossy, extrapolated, lights
 from oracles.z_scores import check_z, reference
 
@@ -231,6 +231,5 @@ def test_z_test_notices_a_density_that_is_ten_percent_too_large(monkeypatch):
         check_z(radiance, standard_error, extrapolated(table, lights()["rough"]), n_tests=2)
 
 
-@pytest.mark.filterwarnings("ignore:`torch.jit:DeprecationWarning")  # the compiler's own, while it loads
-def test_fused_kernel_agrees_with_the_eager_one():
-    check_fused(lobe_of(0.3), rtol=1e-4)
+def test_compiled_kernel_agrees_with_the_eager_one():
+    check_compiled(lobe_of(0.3), rtol=1e-4)
