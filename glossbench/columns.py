@@ -121,6 +121,7 @@ class CellRecord:
     reference_target: Annotated[float, about("reference", "noise that was asked for", unit="radiance")] = NAN
     reference_mean: Annotated[float, about("reference", "mean of the reference", unit="radiance")] = NAN
     reference_samples: Annotated[int, about("reference", "samples per pixel of the reference")] = 0
+    reference_method: Annotated[str, about("reference", "how the reference was computed")] = ""
     at_noise_floor: Annotated[bool, about("reference", "RMS error below twice the reference's noise")] = False
     is_random: Annotated[bool, about("method", "its points are random")] = False
     n_samples: Annotated[int, about("count", "light samples per pixel", short="samples")] = 0

@@ -22,8 +22,9 @@ from glossbench.envmap.lights.synthetic import Constant, SingleTexel
 from glossbench.errors import InputError
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import Sphere, UnitSphere
-from glossbench.truth import reference as ground_truth
-from glossbench.truth.reference import N_REPLICATES, compute_reference
+from glossbench.truth import sampling as ground_truth
+from glossbench.truth.reference import compute_reference
+from glossbench.truth.sampling import N_REPLICATES
 from oracles.cube_by_hand import centres, face_points, with_border
 from oracles.texel_sums import MATERIALS, VIEW, Glossy, extrapolated, lights, sum_texels
 from oracles.z_scores import check_z, reference, z_limit
@@ -162,7 +163,7 @@ def test_constant_light_returns_the_closed_form_albedo():
     lobe = (2 - m * m / 2) * sqrt(pi) / m * (erfcx(1 / m) - tail * erfcx(sqrt(2) / m)) + sqrt(2) * tail - 1
     material = Kurt(m=m, ks=0.5, kd=(0.4, 0.2, 0.1))
 
-    truth = compute_reference(Constant(radiance=2.5).cubemap(), material, Sphere(resolution=1), relative_error=1e-4)
+    truth = compute_reference(Constant(radiance=2.5).cubemap(), material, Sphere(resolution=1), 1e-4, method="sampling")
 
     expected = 2.5 * (0.5 * lobe + np.array([0.4, 0.2, 0.1]))
     check_z(truth.radiance[0, 0].numpy(), truth.standard_error[0, 0].numpy(), expected, n_tests=1)
@@ -181,7 +182,7 @@ def test_constant_light_returns_the_exact_albedo_everywhere(material):
 def test_black_light_gives_exactly_zero():
     light = CubeMap(torch.zeros(6, 8, 8, 3))
 
-    truth = compute_reference(light, Kurt(kd=0.5), VIEW, relative_error=1e-3)
+    truth = compute_reference(light, Kurt(kd=0.5), VIEW, relative_error=1e-3, method="sampling")
 
     assert (truth.radiance == 0).all()
     assert (truth.standard_error == 0).all()
@@ -214,6 +215,7 @@ def test_noise_target_is_met_or_the_samples_are_spent(relative_error):
         VIEW,
         relative_error,
         progress=lambda noise, n: steps.append((noise, n)),
+        method="sampling",
     )
 
     assert truth.noise <= relative_error * truth.mean
@@ -223,7 +225,9 @@ def test_noise_target_is_met_or_the_samples_are_spent(relative_error):
 
 
 def test_samples_are_bounded():
-    truth = compute_reference(lights()["spot"], MATERIALS["kurt"].material(), VIEW, 1e-9, max_samples=4096)
+    options = {"max_samples": 4096, "method": "sampling"}
+
+    truth = compute_reference(lights()["spot"], MATERIALS["kurt"].material(), VIEW, 1e-9, **options)
 
     assert truth.n_samples == 2 * 4096  # light and lobe
 
@@ -358,7 +362,8 @@ def integrate(f, light, order=6, cosine=True):
 
 
 def reference_at_grazing(light, material, **options):
-    truth = compute_reference(light_at_grazing(light), AT_GRAZING[material].material(), Grazing(), **options)
+    shaded = light_at_grazing(light), AT_GRAZING[material].material(), Grazing()
+    truth = compute_reference(*shaded, method="sampling", **options)
     return truth.radiance[0].numpy(), truth.standard_error[0].numpy()
 
 

@@ -1,0 +1,200 @@
+"""The truth by sampling: multiple importance sampling of material and light, without MIP levels.
+
+Lo(wo) = integral of L(wi) f(wo, wi) cos_i dwi, L the bilinear interpolant of the light's texels. Techniques: the
+light's luminance, each lobe's sampler, and the cosine for a diffuse part. Each technique draws N points of its own
+scrambled Sobol sequence, and all are weighted by the balance heuristic (Veach 1997 eq. 9.8): every sample contributes
+f L cos_i V / (N sum of all pdfs). V is 0 where the scene hides the light, otherwise 1: a direction that hits the
+surface again contributes nothing, so interreflection is left out. Replicates with independent scrambles give the
+standard error of each pixel. All sequences are extended together until the noise of the image is below the target.
+"""
+
+from collections.abc import Callable
+from math import pi
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+from torch.quasirandom import SobolEngine
+
+from glossbench.brdf.material import MAX_LOBES, Material, Reflectance
+from glossbench.channels import Channels, add, merge_channels
+from glossbench.directions import Vec3, cosine_hemisphere, to_local, to_world
+from glossbench.envmap.cubemap import CubeMap
+from glossbench.envmap.importance import LightDistribution, luminance_distribution
+from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
+from glossbench.scene.points import Occluder, ShadingPoints
+from glossbench.shading.kernels import over_points
+from glossbench.shading.visibility import unhidden
+from glossbench.truth.checkpoint import Checkpoint
+
+N_REPLICATES = 16  # the relative error of the standard error is 1 / sqrt(2 (16 - 1)) = 18 %
+FIRST_SAMPLES = 64  # per replicate and technique
+PILOT = 256  # points from which the number of samples is predicted
+RATE = 0.85  # noise falls about as samples^-0.85
+# A round with at least so many point-sample pairs is fused. In eager mode it takes 6 s; compiling its kernels takes
+# about 30 s once. But the next rounds take two and four times as long, and other references of the study use the same
+# compiled kernels.
+FUSE_ABOVE = 1 << 26
+
+
+class LightSamples(NamedTuple):
+    """Directions (1, N), their radiance (N, 3) and pdf (1, N)."""
+
+    direction: Vec3
+    radiance: Tensor
+    pdf: Tensor
+
+
+class Tables(NamedTuple):
+    """Data that all techniques share; the occluder is None if the scene does not hide light."""
+
+    reflectance: Reflectance
+    distribution: LightDistribution
+    texels: Pyramid
+    occluder: Occluder | None
+
+    @property
+    def n_techniques(self) -> int:
+        """The light, each lobe, and the cosine for a diffuse part."""
+        return 1 + len(self.reflectance.lobes) + bool(self.reflectance.diffuse)
+
+
+def sampling_tables(light: CubeMap, reflectance: Reflectance, occluder: Occluder | None) -> Tables:
+    """The data of a light, a material and a scene."""
+    return Tables(reflectance, luminance_distribution(light), finest(light), occluder)
+
+
+def sampled(
+    points: ShadingPoints,
+    tables: Tables,
+    relative_error: float,
+    max_samples: int,
+    seed: int,
+    progress: Callable[[float, int], None],
+    kept: Checkpoint,
+) -> tuple[Tensor, int]:
+    """Replicates (R, P, 3), float64, and the number of samples per pixel, over all replicates and techniques.
+
+    Args:
+        kept: file of the partial sums.
+
+    The other arguments are those of `compute_reference`.
+    """
+    n_techniques = tables.n_techniques
+    sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=points.device)
+    done = [0] * N_REPLICATES
+    kept.load(sums, done)
+    engines = [
+        [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]
+        for r in range(N_REPLICATES)
+    ]
+    for n, sequences in zip(done, engines, strict=True):
+        for engine in sequences:
+            engine.fast_forward(n)
+    n = max(FIRST_SAMPLES, *done)
+    while True:
+        for r, sequences in enumerate(engines):
+            if done[r] < n:
+                new = n - done[r]
+                fuse = len(points) * new * N_REPLICATES * n_techniques >= FUSE_ABOVE
+                u = [_open(engine.draw(new)).to(points.device) for engine in sequences]
+                sums[r] += _round(points, tables, u, fuse)
+                done[r] = n
+                kept.save(sums, done)
+        mean = sums.mean(0) / n
+        error = (sums / n).std(0) / N_REPLICATES**0.5
+        noise, level = float(error.square().mean().sqrt()), float(mean.mean())
+        n_samples = n * N_REPLICATES * n_techniques
+        progress(noise / level if level > 0 else 0.0, n_samples)
+        if noise <= relative_error * level or 2 * n * N_REPLICATES > max_samples:
+            kept.remove()
+            return sums / n, n_samples
+        n *= 2
+
+
+def predict_samples(
+    points: ShadingPoints, tables: Tables, relative_error: float, max_samples: int, seed: int
+) -> tuple[float, float]:
+    """The relative noise and the samples per pixel at which `sampled` will end, from a first round at a few points."""
+    first = N_REPLICATES * FIRST_SAMPLES
+    some = points.each(lambda c: c[:: max(1, len(points) // PILOT)])
+    kept = Checkpoint(None)
+    replicates, n_samples = sampled(some, tables, relative_error, first, seed, lambda noise, n: None, kept)
+    mean = float(replicates.mean())
+    error = replicates.std(0) / N_REPLICATES**0.5
+    noise, per_sample = float(error.square().mean().sqrt()) / max(mean, 1e-30), n_samples / first
+    while noise > relative_error and 2 * first <= max_samples:
+        first, noise = 2 * first, noise / 2**RATE
+    return noise, first * per_sample
+
+
+def estimates(light: CubeMap, material: Material, points: ShadingPoints, n_samples: int, seed: int) -> Tensor:
+    """One replicate: radiance (P, 3), float64, with n samples per technique, if nothing hides the light."""
+    reflectance = material.reflectance(points.device)
+    tables = sampling_tables(light, reflectance, None)
+    n_techniques = tables.n_techniques
+    engines = [SobolEngine(2, scramble=True, seed=seed * 64 + k) for k in range(n_techniques)]
+    u = [_open(engine.draw(n_samples)).to(points.device) for engine in engines]
+    return _round(points, tables, u, len(points) * n_samples * n_techniques >= FUSE_ABOVE) / n_samples
+
+
+def _round(points: ShadingPoints, tables: Tables, u: list[Tensor], fuse: bool) -> Tensor:
+    """Sum over one round of samples of every technique, (P, 3), float64."""
+    n = u[0].shape[0]
+    d, pdf = tables.distribution.sample(u[0])
+    lights = LightSamples(Vec3(*(c[None] for c in d)), lookup(tables.texels, d), pdf[None])
+    total = over_points(_from_light, points, n, tables, lights, fuse=fuse).double()
+    for k, lobe in enumerate(tables.reflectance.lobes):
+        samples = lobe.sample_points(u[1 + k])
+        total += over_points(_LOBE_KERNELS[k], points, n, tables, samples, fuse=fuse).double()
+    if tables.reflectance.diffuse:
+        wi = Vec3(*(c[None] for c in cosine_hemisphere(u[-1])))
+        total += over_points(_from_cosine, points, n, tables, wi, fuse=fuse).double()
+    return total
+
+
+def _from_light(points: ShadingPoints, tables: Tables, lights: LightSamples) -> Tensor:
+    wo, wi = points.wo_local(), to_local(lights.direction, points.t, points.b, points.n)
+    weight = _balanced(tables.reflectance, wo, wi, lights.pdf)
+    weight = unhidden(weight, points, lights.direction, tables.occluder)
+    sums = [w @ lights.radiance for w in weight]
+    return merge_channels(sums)
+
+
+def _from_surface(points: ShadingPoints, tables: Tables, wo: Vec3, wi: Vec3) -> Tensor:
+    d = to_world(wi, points.t, points.b, points.n)
+    weight = unhidden(_balanced(tables.reflectance, wo, wi, tables.distribution.pdf(d)), points, d, tables.occluder)
+    return weighted_radiance(tables.texels, d, None, weight)
+
+
+def _from_cosine(points: ShadingPoints, tables: Tables, wi: Vec3) -> Tensor:
+    return _from_surface(points, tables, points.wo_local(), wi)
+
+
+def _balanced(reflectance: Reflectance, wo: Vec3, wi: Vec3, light_pdf: Tensor) -> Channels:
+    """f cos_i / sum of the pdfs of all techniques, for each channel."""
+    pdf, f = light_pdf, reflectance.diffuse_f()
+    if reflectance.diffuse:
+        pdf = pdf + wi.z.clamp(min=0) / pi
+    for lobe in reflectance.lobes:
+        value, density = lobe.f_and_pdf(wo, wi)
+        f, pdf = add(f, value), pdf + density
+    weight = torch.where(wi.z > 0, wi.z / pdf.clamp(min=1e-30), 0.0)
+    return tuple(channel * weight for channel in f)
+
+
+def _lobe_kernel(k: int) -> Callable[..., Tensor]:
+    def from_lobe(points: ShadingPoints, tables: Tables, samples: Any) -> Tensor:
+        wo = points.wo_local()
+        return _from_surface(points, tables, wo, tables.reflectance.lobes[k].sample(wo, samples).wi)
+
+    return from_lobe
+
+
+# One kernel object per lobe number, because torch.compile keeps its result per kernel object.
+_LOBE_KERNELS = [_lobe_kernel(k) for k in range(MAX_LOBES)]
+
+
+def _open(u: Tensor) -> Tensor:
+    """Points of the open unit square, because the logarithm of u is taken."""
+    return u.clamp(2.0**-24, 1 - 2.0**-24)
