@@ -2,13 +2,15 @@
 
 For a point and a block with edge h in face coordinates (blocks.py), g = h^2 f(wo, wi) cos_i J is evaluated at
 Gauss-Legendre nodes, where J = (1 + s^2 + t^2)^(-3/2) is the solid angle per area of the face. The integral over the
-block is the sum of L_jk g_jk over the coefficients of both. Only the part of g counts that these polynomials represent:
-the last two shells, of degrees Q - 2 and Q - 1, show how much that may miss. With rho, the ratio by which
-the coefficients of g fall from one degree to the next, the error is about
+block is the sum of L_jk g_jk over the coefficients of both. The sum leaves out what these polynomials do not represent,
+and the coefficients have errors themselves, because higher degrees look like lower ones at the nodes. The last two
+shells, of degrees Q - 2 and Q - 1, show how much that may be. With rho, the ratio by which the coefficients of g fall
+from one degree to the next, the error is about
 
-    rho / (1 - rho) sqrt(sum over both shells of (sum of L_jk g_jk in the shell)^2).
+    (rho E + rho^(Q / 2) L_00 G) / (1 - rho),
 
-Where the light is bilinear, the sum is Gauss's. Its error is about rho^Q / (1 - rho) times L times these coefficients.
+where E^2 is the sum over both shells of (sum of L_jk g_jk in the shell)^2, and G^2 that of g_jk^2. For a smooth g and
+an even light the second term would fall as rho^Q; a lobe in a corner of the block, between the nodes, needs more.
 """
 
 from typing import NamedTuple
@@ -24,6 +26,7 @@ from glossbench.truth.blocks import ORDER, gauss, shells
 
 # Values that shells of a degree below some order take, in the order of `shells`.
 _BELOW = [degree * degree for degree in range(ORDER + 1)]
+_ALIASING = ORDER // 2
 STEEPEST, FLATTEST = 0.2, 0.9  # bounds of rho: a kink has 0.6, a step 0.85; luck may make any smaller
 
 
@@ -60,10 +63,11 @@ def by_moments(
         row: rows (P, 1) of the table of moments.
     """
     g = _coefficients(points, reflectance, grid, size, block)
-    terms = g * table[row[:, 0]]
+    moments = table[row[:, 0]]
+    terms = g * moments
     before, last = (terms[:, _BELOW[-3 + k] : _BELOW[-2 + k]].sum(1) for k in (0, 1))
-    rho, _ = _decay(g)
-    error = torch.sqrt(before * before + last * last) * (rho / (1 - rho))
+    rho, rest = _decay(g)
+    error = (torch.sqrt(before * before + last * last) * rho + moments[:, 0] * rest * rho**_ALIASING) / (1 - rho)
     return torch.cat([terms[:, : _BELOW[-3]].sum(1) + before + last, error, before + last], 1)
 
 
@@ -82,7 +86,7 @@ def by_corners(
     x, y = (b + d - a - c) / (4 * 3**0.5), (c + d - a - b) / (4 * 3**0.5)
     total = g[:, 0] * mean + g[:, 1] * x + g[:, 2] * y + g[:, 3] * (a + d - b - c) / 12
     rho, rest = _decay(g)
-    error = mean * rest * (rho**ORDER / (1 - rho))
+    error = mean * rest * (rho**_ALIASING / (1 - rho))
     return torch.cat([total, error, torch.zeros_like(error)], 1)
 
 
@@ -95,9 +99,14 @@ def _coefficients(points: ShadingPoints, reflectance: Reflectance, grid: Nodes, 
     t = block[:, 2, None] + size / 2 * (1 + grid.y)
     inverse = torch.rsqrt(1 + s * s + t * t)
     wi = Vec3(*((n + s * right + t * down) * inverse for n, right, down in zip(*local, strict=True)))
-    weight = torch.where(wi.z > 0, wi.z * (size * size) * (inverse * inverse * inverse), 0.0)
+    weight = torch.where(wi.z > 0, wi.z * (size * size) * _jacobian(inverse), 0.0)
     values = [f * weight for f in reflectance.f(points.wo_local(), wi)]
     return torch.stack([value @ grid.coefficients for value in values], 2)
+
+
+def _jacobian(inverse: Tensor) -> Tensor:
+    """J, from 1 / sqrt(1 + s^2 + t^2)."""
+    return inverse * inverse * inverse
 
 
 def _decay(g: Tensor) -> tuple[Tensor, Tensor]:
