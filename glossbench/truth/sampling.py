@@ -5,7 +5,9 @@ light's luminance, each lobe's sampler, and the cosine for a diffuse part. Each 
 scrambled Sobol sequence, and all are weighted by the balance heuristic (Veach 1997 eq. 9.8): every sample contributes
 f L cos_i V / (N sum of all pdfs). V is 0 where the scene hides the light, otherwise 1: a direction that hits the
 surface again contributes nothing, so interreflection is left out. Replicates with independent scrambles give the
-standard error of each pixel. All sequences are extended together until the noise of the image is below the target.
+standard error of each pixel. Sequences are extended until the noise of the image is below the target; each half of the
+replicates ends by the noise of the other half, so that a mean does not depend on when its samples end. A quarter of the
+light's samples is spread evenly over the lit parts of the light, so that a lamp is found beside a sun.
 """
 
 from collections.abc import Callable
@@ -30,6 +32,7 @@ from glossbench.truth.checkpoint import Checkpoint
 N_REPLICATES = 16  # the relative error of the standard error is 1 / sqrt(2 (16 - 1)) = 18 %
 FIRST_SAMPLES = 64  # per replicate and technique
 PILOT = 256  # points from which the number of samples is predicted
+EVEN = 0.25  # share of the light's samples that all lit parts of the light get alike
 RATE = 0.85  # noise falls about as samples^-0.85
 # A round with at least so many point-sample pairs is fused. In eager mode it takes 6 s; compiling its kernels takes
 # about 30 s once. But the next rounds take two and four times as long, and other references of the study use the same
@@ -61,7 +64,7 @@ class Tables(NamedTuple):
 
 def sampling_tables(light: CubeMap, reflectance: Reflectance, occluder: Occluder | None) -> Tables:
     """The data of a light, a material and a scene."""
-    return Tables(reflectance, luminance_distribution(light), finest(light), occluder)
+    return Tables(reflectance, luminance_distribution(light, EVEN), finest(light), occluder)
 
 
 def sampled(
@@ -80,18 +83,19 @@ def sampled(
 
     The other arguments are those of `compute_reference`.
     """
-    n_techniques = tables.n_techniques
-    sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=points.device)
-    done = [0] * N_REPLICATES
+    n_techniques, half = tables.n_techniques, N_REPLICATES // 2
+    # After the replicates, the means of the half that ended first; after their counts, its number and its count.
+    sums = torch.zeros(N_REPLICATES + half, len(points), 3, dtype=torch.float64, device=points.device)
+    done = [0] * (N_REPLICATES + 2)
     kept.load(sums, done)
     engines = [
         [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]
         for r in range(N_REPLICATES)
     ]
-    for n, sequences in zip(done, engines, strict=True):
+    for n, sequences in zip(done[:N_REPLICATES], engines, strict=True):
         for engine in sequences:
             engine.fast_forward(n)
-    n = max(FIRST_SAMPLES, *done)
+    n = max(FIRST_SAMPLES, *done[:N_REPLICATES])
     while True:
         for r, sequences in enumerate(engines):
             if done[r] < n:
@@ -101,15 +105,30 @@ def sampled(
                 sums[r] += _round(points, tables, u, fuse)
                 done[r] = n
                 kept.save(sums, done)
-        mean = sums.mean(0) / n
-        error = (sums / n).std(0) / N_REPLICATES**0.5
-        noise, level = float(error.square().mean().sqrt()), float(mean.mean())
-        n_samples = n * N_REPLICATES * n_techniques
-        progress(noise / level if level > 0 else 0.0, n_samples)
-        if noise <= relative_error * level or 2 * n * N_REPLICATES > max_samples:
+        means = sums[:N_REPLICATES] / n
+        # Each half ends by the noise of the other: its own noise is low where it missed what is rare and bright.
+        ends = [_relative_noise(means[half:]) <= relative_error, _relative_noise(means[:half]) <= relative_error]
+        is_last = 2 * n * N_REPLICATES > max_samples
+        ended, at = done[N_REPLICATES:]
+        if at:
+            means[ended * half : (ended + 1) * half] = sums[N_REPLICATES:]
+        n_samples = (n + (at or n)) // 2 * N_REPLICATES * n_techniques
+        progress(_relative_noise(means), n_samples)
+        if is_last or all(ends) or (at and ends[1 - ended]):
             kept.remove()
-            return sums / n, n_samples
+            return means, n_samples
+        if any(ends) and not at:
+            ended = ends.index(True)
+            sums[N_REPLICATES:] = means[ended * half : (ended + 1) * half]
+            done[N_REPLICATES:] = ended, n
         n *= 2
+
+
+def _relative_noise(means: Tensor) -> float:
+    """The standard error of a mean of all replicates, RMS, judged by some of them, divided by their mean."""
+    level = float(means.mean())
+    noise = float(means.var(0).mean().sqrt()) / N_REPLICATES**0.5
+    return noise / level if level > 0 else 0.0
 
 
 def predict_samples(
@@ -120,9 +139,7 @@ def predict_samples(
     some = points.each(lambda c: c[:: max(1, len(points) // PILOT)])
     kept = Checkpoint(None)
     replicates, n_samples = sampled(some, tables, relative_error, first, seed, lambda noise, n: None, kept)
-    mean = float(replicates.mean())
-    error = replicates.std(0) / N_REPLICATES**0.5
-    noise, per_sample = float(error.square().mean().sqrt()) / max(mean, 1e-30), n_samples / first
+    noise, per_sample = _relative_noise(replicates), n_samples / first
     while noise > relative_error and 2 * first <= max_samples:
         first, noise = 2 * first, noise / 2**RATE
     return noise, first * per_sample
@@ -131,7 +148,7 @@ def predict_samples(
 def estimates(light: CubeMap, material: Material, points: ShadingPoints, n_samples: int, seed: int) -> Tensor:
     """One replicate: radiance (P, 3), float64, with n samples per technique, if nothing hides the light."""
     reflectance = material.reflectance(points.device)
-    tables = sampling_tables(light, reflectance, None)
+    tables = Tables(reflectance, luminance_distribution(light), finest(light), None)
     n_techniques = tables.n_techniques
     engines = [SobolEngine(2, scramble=True, seed=seed * 64 + k) for k in range(n_techniques)]
     u = [_open(engine.draw(n_samples)).to(points.device) for engine in engines]
