@@ -55,6 +55,9 @@ ALLOWED = {
     # Faults that are planted inside: no public name stands there.
     "_balanced": PLANTED,
     "_classes": PLANTED,
+    "_all_blocks": PLANTED,
+    "_coefficients": PLANTED,
+    "_jacobian": PLANTED,
     "_discovered": PLANTED,
     "_fans": PLANTED,
     "_hashable": PLANTED,

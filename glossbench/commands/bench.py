@@ -28,6 +28,7 @@ from glossbench.scene.sphere import Sphere
 from glossbench.scene.virtual_cube import pair_points, valid_pairs, virtual_directions
 from glossbench.shading.kernels import can_fuse, over_points
 from glossbench.shading.method import METHODS, stages_of
+from glossbench.truth.reference import ReferenceMethod, compute_reference
 
 SAMPLES, CUBE, VIEW, REGIONS = 32, 256, 128, 64
 
@@ -47,6 +48,8 @@ def measure(tell: Callable[[str], None]) -> list[Line]:
     lines = _kernel_lines()
     tell("sampling the lighting function")
     lines += _lighting_lines()
+    tell("reference")
+    lines += _reference_lines()
     tell("pyramids of a 1024 cube")
     lines += _pyramid_lines(1024)
     tell(f"{REGIONS} partial maps of a {CUBE} cube, and their shadow maps")
@@ -112,6 +115,19 @@ def _lighting_lines() -> list[Line]:
     if can_fuse():
         fused = _rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=True), terms, 1)
         lines.append(Line(f"{what}: one normal for 24, fused", f"{fused:.1f} M terms/s", f"{fused / plain:.1f}"))
+    return lines
+
+
+def _reference_lines() -> list[Line]:
+    """The reference by sampling and as a sum, to the same stated error, and the sum to a much smaller one."""
+    light, material, view = Spots(resolution=CUBE).cubemap(), Kurt(m=(0.15, 0.15)), Sphere(resolution=32)
+    seconds: list[float] = []
+    lines = []
+    runs: list[tuple[ReferenceMethod, float]] = [("sampling", 1e-2), ("summation", 1e-2), ("summation", 1e-4)]
+    for method, error in runs:
+        seconds.append(_seconds(partial(compute_reference, light, material, view, error, method=method), 1))
+        what = f"reference, Beckmann 0.15, {CUBE} cube, 32^2 sphere, {method} to {100 * error:g} %"
+        lines.append(Line(what, f"{seconds[-1]:.2f} s", f"{seconds[-1] / seconds[0]:.3f}"))
     return lines
 
 

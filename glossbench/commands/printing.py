@@ -169,7 +169,7 @@ def print_notes(cells: "pandas.DataFrame") -> None:
 
 
 def warn_of_noise(cells: "pandas.DataFrame") -> None:
-    """Print one line if references did not meet their target. A noise that is at most 1.5 times as high is as wanted."""
+    """Print one line if references did not meet their target; up to 1.5 times the noise is as wanted."""
     references = cells.drop_duplicates("reference_key")
     # Halves of sampled replicates end by the noise of each other, so that the noise of both may be a little higher.
     missed = references[references["reference_noise"] > 1.5 * references["reference_target"]]
