@@ -81,33 +81,33 @@ def __dir__() -> list[str]:
 
 def light(name: str | os.PathLike[str], **options: Any) -> "CubeMap":
     """The radiance of a light: a registered name ("spots"), a catalogue name ("grace_cross") or an image file."""
-    from glossbench.envmap.lights.file_light import light_named
+    from glossbench.envmap.lights.file_light import make_light
     from glossbench.envmap.lights.light import LIGHTS
     from glossbench.process.surroundings import settled
 
     with settled():
         text = _text(name)
         # A value that is not text cannot be a name: the registry refuses it.
-        return (light_named(text, options) if isinstance(text, str) else LIGHTS.create(text, options)).cubemap()
+        return (make_light(text, options) if isinstance(text, str) else LIGHTS.create(text, options)).cubemap()
 
 
 def material(name: str | os.PathLike[str], **options: Any) -> "Material":
     """A material by name and options, or by file: a measurement (.brdf, .binary, .bsdf) or a table of fits (.fit)."""
     from glossbench.brdf.material import MATERIALS
-    from glossbench.brdf.measured_file import material_or_file
+    from glossbench.brdf.measured_file import resolve_material
 
     text = _text(name)
-    text, stated = material_or_file(text) if isinstance(text, str) else (text, {})
+    text, stated = resolve_material(text) if isinstance(text, str) else (text, {})
     return MATERIALS.create(text, {**stated, **options})
 
 
 def view(name: str | os.PathLike[str], **options: Any) -> "View":
     """A view by name and options, or by mesh file."""
-    from glossbench.scene.mesh_view import view_or_file
+    from glossbench.scene.mesh_view import resolve_view
     from glossbench.scene.points import VIEWS
 
     text = _text(name)
-    text, stated = view_or_file(text) if isinstance(text, str) else (text, {})
+    text, stated = resolve_view(text) if isinstance(text, str) else (text, {})
     return VIEWS.create(text, {**stated, **options})
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import current_thread, main_thread
 from uuid import uuid4
 
-from glossbench.errors import CannotWrite
+from glossbench.errors import WriteError
 
 ABANDONED = 86_400.0  # seconds without a change after which a half-written file has no writer, on any machine
 _PART = re.compile(r"\.glossbench-([0-9a-f]{12})-(\d{1,10})-[0-9a-f]{32}(\.\w{1,8})?")
@@ -26,27 +26,27 @@ def replacing(path: Path) -> Iterator[Path]:
     Within the block, a signal that asks the process to end raises KeyboardInterrupt, and the temporary file is removed.
 
     Raises:
-        CannotWrite: the disk is full, or the folder does not exist or cannot be written.
+        WriteError: the disk is full, or the folder does not exist or cannot be written.
     """
     # The temporary name has the same length for every path. It keeps the ending, from which writers know the format.
     ending = path.suffix if re.fullmatch(r"\.\w{1,8}", path.suffix, re.ASCII) else ""
-    part = path.with_name(f".glossbench-{_here()}-{os.getpid()}-{uuid4().hex}{ending}")
+    part = path.with_name(f".glossbench-{_identify_machine()}-{os.getpid()}-{uuid4().hex}{ending}")
     try:
-        with interrupted_when_asked():
+        with interrupted_by_signals():
             yield part
         _to_disk(part)
         os.replace(part, path)
         with suppress(OSError):  # some systems cannot open a folder
             _to_disk(path.parent)
     except OSError as error:
-        raise CannotWrite(path, error.strerror or str(error)) from error
+        raise WriteError(path, error.strerror or str(error)) from error
     finally:
         with suppress(OSError):  # an error of writing is already raised
             part.unlink(missing_ok=True)
 
 
 @contextmanager
-def interrupted_when_asked() -> Iterator[None]:
+def interrupted_by_signals() -> Iterator[None]:
     """Within the block, SIGTERM and SIGHUP (a closed terminal) raise KeyboardInterrupt, unless they have a handler."""
     ours = []
     if current_thread() is main_thread():
@@ -83,7 +83,7 @@ def _is_abandoned(part: Path) -> bool:
     with suppress(OSError):
         if time.time() - part.stat().st_mtime > ABANDONED:
             return True
-    if os.name != "posix" or name[1] != _here():
+    if os.name != "posix" or name[1] != _identify_machine():
         return False
     try:
         os.kill(int(name[2]), 0)
@@ -94,7 +94,7 @@ def _is_abandoned(part: Path) -> bool:
     return False
 
 
-def _here() -> str:
+def _identify_machine() -> str:
     """Hash of the place in which process ids are unique: this start of this machine, and this container."""
     known = [socket.gethostname()]
     with suppress(OSError):  # only Linux has these

@@ -70,7 +70,7 @@ class Column:
         """The column of one number in a dict of numbers, such as `update_seconds.light`."""
         return replace(self, name=f"{self.name}.{name}", type=float, title=f"{self.title}: {name}")
 
-    def in_brief(self, value: Any) -> str:
+    def format_brief(self, value: Any) -> str:
         """A value for the terminal's table, in the unit that people read."""
         return f"{self.scale * value:.4g}" if self.type is float else str(value)
 
@@ -80,13 +80,13 @@ class Column:
         return own | {"type": self.type.__name__}
 
     @classmethod
-    def of_dict(cls, stated: Mapping[str, Any]) -> "Column":
+    def from_dict(cls, stated: Mapping[str, Any]) -> "Column":
         """A column from its entry in `columns.json`. Attributes that only another version knows are ignored."""
         own = {each.name: stated[each.name] for each in fields(cls) if each.name in stated}
         return cls(**(own | {"type": _TYPES[own["type"]]}))
 
 
-def about(role: Role, title: str = "", **stated: Any) -> dict[str, Any]:
+def describe_column(role: Role, title: str = "", **stated: Any) -> dict[str, Any]:
     """The attributes of a column other than its name and type, for the annotation of a field."""
     return {"role": role, "title": title, **stated}
 
@@ -95,74 +95,84 @@ def about(role: Role, title: str = "", **stated: Any) -> dict[str, Any]:
 class CellRecord:
     """All that a run knows about one cell. Only this class writes rows. A field is a column; metrics add their own."""
 
-    key: Annotated[str, about("key")]
-    reference_key: Annotated[str, about("key")]
-    light: Annotated[str, about("condition")]
-    material: Annotated[str, about("condition")]
-    view: Annotated[str, about("condition")]
-    method: Annotated[str, about("method")]
-    light_options: Annotated[dict[str, Any], about("condition", "options of the light")] = field(default_factory=dict)
-    material_options: Annotated[dict[str, Any], about("condition", "options of the material")] = field(
+    key: Annotated[str, describe_column("key")]
+    reference_key: Annotated[str, describe_column("key")]
+    light: Annotated[str, describe_column("condition")]
+    material: Annotated[str, describe_column("condition")]
+    view: Annotated[str, describe_column("condition")]
+    method: Annotated[str, describe_column("method")]
+    light_options: Annotated[dict[str, Any], describe_column("condition", "options of the light")] = field(
         default_factory=dict
     )
-    view_options: Annotated[dict[str, Any], about("condition", "options of the view")] = field(default_factory=dict)
-    options: Annotated[dict[str, Any], about("method", "options of the method")] = field(default_factory=dict)
-    tuned: Annotated[dict[str, Any], about("method", "values that tuning found")] = field(default_factory=dict)
-    tune: Annotated[dict[str, Any], about("method", "how options are tuned")] = field(default_factory=dict)
-    status: Annotated[str, about("status")] = "done"
-    reason: Annotated[str, about("status", "why it is not done")] = ""
-    notes: Annotated[list[str], about("note")] = field(default_factory=list)
+    material_options: Annotated[dict[str, Any], describe_column("condition", "options of the material")] = field(
+        default_factory=dict
+    )
+    view_options: Annotated[dict[str, Any], describe_column("condition", "options of the view")] = field(
+        default_factory=dict
+    )
+    options: Annotated[dict[str, Any], describe_column("method", "options of the method")] = field(default_factory=dict)
+    tuned: Annotated[dict[str, Any], describe_column("method", "values that tuning found")] = field(
+        default_factory=dict
+    )
+    tune: Annotated[dict[str, Any], describe_column("method", "how options are tuned")] = field(default_factory=dict)
+    status: Annotated[str, describe_column("status")] = "done"
+    reason: Annotated[str, describe_column("status", "why it is not done")] = ""
+    notes: Annotated[list[str], describe_column("note")] = field(default_factory=list)
     metrics: Mapping[str, float] = field(default_factory=dict)  # by the names of their columns
-    left_out: Annotated[dict[str, list[float]], about("error", "metrics against the reference without each group")] = (
-        field(default_factory=dict)
-    )
-    reference_noise: Annotated[float, about("reference", "noise of the reference", unit="radiance")] = NAN
-    reference_peak_noise: Annotated[float, about("reference", "largest noise of a pixel", unit="radiance")] = NAN
-    reference_target: Annotated[float, about("reference", "noise that was asked for", unit="radiance")] = NAN
-    reference_mean: Annotated[float, about("reference", "mean of the reference", unit="radiance")] = NAN
-    reference_samples: Annotated[int, about("reference", "samples per pixel of the reference")] = 0
-    reference_method: Annotated[str, about("reference", "how the reference was computed")] = ""
-    at_noise_floor: Annotated[bool, about("reference", "RMS error below twice the reference's noise")] = False
-    is_random: Annotated[bool, about("method", "its points are random")] = False
-    n_samples: Annotated[int, about("count", "light samples per pixel", short="samples")] = 0
-    budget: Annotated[str, about("method", "option that is the budget")] = ""
-    stage_seconds: Annotated[dict[str, float], about("cost", "stages", unit="ms", scale=1e3, adds_up=True)] = field(
+    left_out: Annotated[
+        dict[str, list[float]], describe_column("error", "metrics against the reference without each group")
+    ] = field(default_factory=dict)
+    reference_noise: Annotated[float, describe_column("reference", "noise of the reference", unit="radiance")] = NAN
+    reference_peak_noise: Annotated[
+        float, describe_column("reference", "largest noise of a pixel", unit="radiance")
+    ] = NAN
+    reference_target: Annotated[float, describe_column("reference", "target for the noise", unit="radiance")] = NAN
+    reference_mean: Annotated[float, describe_column("reference", "mean of the reference", unit="radiance")] = NAN
+    reference_samples: Annotated[int, describe_column("reference", "samples per pixel of the reference")] = 0
+    reference_method: Annotated[str, describe_column("reference", "how the reference was computed")] = ""
+    at_noise_floor: Annotated[bool, describe_column("reference", "RMS error below twice the reference's noise")] = False
+    is_random: Annotated[bool, describe_column("method", "its points are random")] = False
+    n_samples: Annotated[int, describe_column("count", "light samples per pixel", short="samples")] = 0
+    budget: Annotated[str, describe_column("method", "option that is the budget")] = ""
+    stage_seconds: Annotated[
+        dict[str, float], describe_column("cost", "stages", unit="ms", scale=1e3, adds_up=True)
+    ] = field(default_factory=dict)
+    update_seconds: Annotated[dict[str, float], describe_column("cost", "update", unit="ms", scale=1e3)] = field(
         default_factory=dict
     )
-    update_seconds: Annotated[dict[str, float], about("cost", "update", unit="ms", scale=1e3)] = field(
-        default_factory=dict
-    )
-    state_bytes: Annotated[int, about("cost", "state in memory", unit="MB", scale=1e-6)] = 0
+    state_bytes: Annotated[int, describe_column("cost", "state in memory", unit="MB", scale=1e-6)] = 0
     shade_seconds: Annotated[
-        float, about("cost", "shading time", unit="ms", scale=1e3, group="shade", short="shade ms")
+        float, describe_column("cost", "shading time", unit="ms", scale=1e3, group="shade", short="shade ms")
     ] = NAN
     shade_seconds_low: Annotated[
-        float, about("provenance", "shading time, fastest run", unit="ms", scale=1e3, group="shade")
+        float, describe_column("provenance", "shading time, fastest run", unit="ms", scale=1e3, group="shade")
     ] = NAN
     shade_seconds_high: Annotated[
-        float, about("provenance", "shading time, slowest run", unit="ms", scale=1e3, group="shade")
+        float, describe_column("provenance", "shading time, slowest run", unit="ms", scale=1e3, group="shade")
     ] = NAN
-    shade_runs: Annotated[int, about("provenance", "timed runs", group="shade")] = 0
-    busy: Annotated[float, about("provenance", "processor taken by other work", unit="%", scale=100.0)] = NAN
-    reference_seconds: Annotated[float, about("reference", "time of the reference", unit="s")] = NAN
-    version: Annotated[str, about("provenance", "version of glossbench")] = ""
-    torch: Annotated[str, about("provenance", "version of torch")] = ""
-    device: Annotated[str, about("provenance")] = ""
-    processor: Annotated[str, about("provenance")] = ""
-    seed: Annotated[int, about("provenance")] = 0
-    light_key: Annotated[str, about("key")] = ""
-    code: Annotated[str, about("key", "hash of the source")] = ""
+    shade_runs: Annotated[int, describe_column("provenance", "timed runs", group="shade")] = 0
+    busy: Annotated[
+        float, describe_column("provenance", "processor time used by other programs", unit="%", scale=100.0)
+    ] = NAN
+    reference_seconds: Annotated[float, describe_column("reference", "time of the reference", unit="s")] = NAN
+    version: Annotated[str, describe_column("provenance", "version of glossbench")] = ""
+    torch: Annotated[str, describe_column("provenance", "version of torch")] = ""
+    device: Annotated[str, describe_column("provenance")] = ""
+    processor: Annotated[str, describe_column("provenance")] = ""
+    seed: Annotated[int, describe_column("provenance")] = 0
+    light_key: Annotated[str, describe_column("key")] = ""
+    code: Annotated[str, describe_column("key", "hash of the source")] = ""
 
-    def row(self) -> dict[str, Any]:
+    def to_row(self) -> dict[str, Any]:
         """The row of the table: the value of each column; values of JSON columns are text."""
         found: dict[str, Any] = {}
         for each in fields(self):
             value = getattr(self, each.name)
-            found |= value if each.name == "metrics" else {each.name: _text(COLUMNS[each.name], value)}
+            found |= value if each.name == "metrics" else {each.name: _to_stored(COLUMNS[each.name], value)}
         return found
 
 
-def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
+def parse_row(row: Mapping[str, Any]) -> dict[str, Any]:
     """A row in which JSON text is replaced by its value, and a missing value by None."""
     found: dict[str, Any] = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()}
     for name, column in COLUMNS.items():
@@ -173,19 +183,19 @@ def parsed(row: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _text(column: Column, value: Any) -> Any:
+def _to_stored(column: Column, value: Any) -> Any:
     """A value as it is stored. Options are compared as text, so their keys are sorted; the stages keep their order."""
     return json.dumps(value, sort_keys=column.role in ("condition", "method")) if column.is_json else value
 
 
-def _declared() -> dict[str, Column]:
+def _find_columns() -> dict[str, Column]:
     hints = get_type_hints(CellRecord, include_extras=True)
     stated = {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Annotated}
     return {name: Column(name, get_origin(kind) or kind, **own) for name, (kind, own) in stated.items()}
 
 
 # A whole table also has the names of light, material and view, with the options that distinguish them in this table.
-COLUMNS: Mapping[str, Column] = _declared() | {
+COLUMNS: Mapping[str, Column] = _find_columns() | {
     f"{kind}_name": Column(f"{kind}_name", str, role="condition", title=kind) for kind in CONDITIONS
 }
 
@@ -196,7 +206,7 @@ def is_cost(name: str) -> bool:
     return column is not None and column.role in ("cost", "count")
 
 
-def costs(parts: Mapping[str, Iterable[str]]) -> list[str]:
+def list_costs(parts: Mapping[str, Iterable[str]]) -> list[str]:
     """The names of all costs and counts, and of their parts.
 
     Args:

@@ -14,19 +14,19 @@ from torch import Tensor
 _CLOSED = (str, bytes, int, float, complex, type, FunctionType, MethodType, ModuleType)
 
 
-def digest_of(*values: Any) -> int:
+def compute_digest(*values: Any) -> int:
     """CRC-32 of the bytes of all tensors and arrays inside some values, in main memory.
 
     A tensor counts its own writes, but not writes through an array that shares its memory; only the bytes show these.
     Measured: 1.7 GB/s, so 15 ms for a pyramid of 512 x 512 texels per face.
     """
     crc = 0
-    for array in arrays_in(values):
+    for array in find_arrays(values):
         crc = zlib.crc32(array.data, crc)
     return crc
 
 
-def arrays_in(value: Any) -> Iterator[np.ndarray]:
+def find_arrays(value: Any) -> Iterator[np.ndarray]:
     """The memory of all tensors and arrays inside a value, each once, as flat arrays of bytes."""
     seen: set[int] = set()
     pending = [value]

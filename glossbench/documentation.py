@@ -9,7 +9,7 @@ from textwrap import dedent
 from typing import Any
 
 
-def documentation(described: Any) -> str:
+def read_documentation(described: Any) -> str:
     """The docstring of a class or function without its indentation; "" if it has none.
 
     With -OO, Python drops docstrings, and a dataclass has its signature instead. Then the docstring is read from the
@@ -22,11 +22,11 @@ def documentation(described: Any) -> str:
     return inspect.cleandoc(text or "")
 
 
-def attributes(cls: type) -> dict[str, str]:
+def read_attributes(cls: type) -> dict[str, str]:
     """The text on each attribute in the docstrings of a class and its bases; attributes without text are left out."""
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__):
-        section = re.search(r"^Attributes:\n((?:    .*\n?|\n)+)", documentation(base), re.MULTILINE)
+        section = re.search(r"^Attributes:\n((?:    .*\n?|\n)+)", read_documentation(base), re.MULTILINE)
         for entry in re.split(r"\n    (?=\S)", "\n" + section[1].rstrip()) if section else []:
             names, colon, text = entry.partition(":")
             if colon:
@@ -34,6 +34,6 @@ def attributes(cls: type) -> dict[str, str]:
     return found
 
 
-def first_line(cls: type) -> str:
+def read_first_line(cls: type) -> str:
     """The first line of the docstring of a class, which says what the class is."""
-    return documentation(cls).partition("\n")[0]
+    return read_documentation(cls).partition("\n")[0]

@@ -9,7 +9,7 @@ class InputError(ValueError):
     """An error that a user can fix, in a study, an option or a file. Its text is one line; the exit code is 2."""
 
 
-class CannotWrite(InputError):
+class WriteError(InputError):
     """A file cannot be written: for example, the disk is full or the folder is read-only.
 
     Attributes:
@@ -21,7 +21,7 @@ class CannotWrite(InputError):
         self.path = path
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def suggest_nearest(name: str, known: Iterable[str]) -> str:
     """A hint for an unknown name: "; did you mean 'kurt'?", or all valid names if none is similar."""
     names = sorted(known)
     by_lower = {known_name.lower(): known_name for known_name in names}
@@ -31,7 +31,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; known: {', '.join(names)}" if names else ""
 
 
-def called(value: object) -> str:
+def describe_wrong_value(value: object) -> str:
     """A value of a wrong type in a few words: text and numbers themselves, other values by their class."""
     return repr(value) if isinstance(value, str | int | float | None) else f"a {type(value).__name__}"
 
@@ -46,9 +46,8 @@ def check_call(function: str, **arguments: tuple[object, type]) -> None:
         if not isinstance(value, wanted):
             example = value if isinstance(value, str) else "..."
             order = ", ".join(arguments)
-            raise InputError(
-                f'{function}({order}): {name} must be what gb.{name}("{example}") makes, got {called(value)}'
-            )
+            got = describe_wrong_value(value)
+            raise InputError(f'{function}({order}): {name} must be what gb.{name}("{example}") makes, got {got}')
 
 
 class MethodError(RuntimeError):

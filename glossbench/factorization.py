@@ -48,12 +48,12 @@ class FactorMap:
         read: Floats = self.rows @ values
         return read if self.of_sample is None else read[self.of_sample]
 
-    def gathered(self, samples: Floats) -> Floats:
+    def gather(self, samples: Floats) -> Floats:
         """The transpose of `read`: for each texel, the weighted sum of (S, C) over the samples that read it, (T, C)."""
         sums: Floats = self.rows.T @ (samples if self.of_sample is None else self._shared.T @ samples)
         return sums
 
-    def squares(self) -> Floats:
+    def sum_squares(self) -> Floats:
         """Sum of the squared weights of each texel, (T,): the diagonal of A^T A."""
         counts = 1 if self.of_sample is None else np.bincount(self.of_sample, minlength=self.rows.shape[0])
         squares: Floats = self.rows.power(2).T @ (np.ones(self.rows.shape[0]) * counts)
@@ -141,9 +141,9 @@ def average_start(log_f: Floats, maps: Sequence[FactorMap]) -> list[Floats]:
     level = log_f.mean(0) * (1 - 1 / len(maps))
     starts = []
     for one in maps:
-        weight = one.gathered(np.ones((len(log_f), 1)))
+        weight = one.gather(np.ones((len(log_f), 1)))
         known = weight[:, 0] > 0
-        values = np.where(known[:, None], one.gathered(log_f) / np.where(known[:, None], weight, 1), 0.0)
+        values = np.where(known[:, None], one.gather(log_f) / np.where(known[:, None], weight, 1), 0.0)
         starts.append(_spread(values, known, one.laplacian) - level)
     return starts
 
@@ -210,7 +210,7 @@ class _System:
 
     def __init__(self, maps: Sequence[FactorMap], smoothness: float, n_channels: int) -> None:
         self.maps, self.smoothness = maps, smoothness
-        diagonal = np.concatenate([m.squares() + smoothness**2 * m.laplacian.power(2).sum(0) for m in maps])
+        diagonal = np.concatenate([m.sum_squares() + smoothness**2 * m.laplacian.power(2).sum(0) for m in maps])
         self.scale = np.where(diagonal > 0, 1 / np.sqrt(np.maximum(diagonal, 1e-300)), 1.0)[:, None]
         self.shape = len(self.scale), n_channels
         self.ends = np.cumsum([m.rows.shape[1] for m in maps])[:-1]
@@ -223,8 +223,8 @@ class _System:
         n = self.shape[0] * self.shape[1]
         # The solver finds the difference from the start; its tolerance is relative to a start from zero.
         data = log_f - self._read(start)
-        missing = self._gathered(data, [-self.smoothness * (m.laplacian @ x) for m, x in self._of_maps(start)])
-        whole = self._gathered(log_f, [np.zeros((m.rows.shape[1], self.shape[1])) for m in self.maps])
+        missing = self._gather(data, [-self.smoothness * (m.laplacian @ x) for m, x in self._split_by_map(start)])
+        whole = self._gather(log_f, [np.zeros((m.rows.shape[1], self.shape[1])) for m in self.maps])
         enough = tolerance * float(np.linalg.norm(whole))
         iterations = 0
 
@@ -235,47 +235,47 @@ class _System:
         if np.linalg.norm(missing) <= enough:
             return start, 0
         if solver == "lsmr":
-            smooth = [-self.smoothness * (m.laplacian @ x) for m, x in self._of_maps(start)]
+            smooth = [-self.smoothness * (m.laplacian @ x) for m, x in self._split_by_map(start)]
             right = np.concatenate([data, *smooth]).ravel()
-            operator = LinearOperator((len(right), n), self._forward, self._backward, dtype=np.float64)
+            operator = LinearOperator((len(right), n), self._apply, self._apply_transpose, dtype=np.float64)
             found, _, iterations, *_ = lsmr(operator, right, atol=tolerance, btol=tolerance, maxiter=max_iterations)
         else:
-            operator = LinearOperator((n, n), self._normal, self._normal, dtype=np.float64)
+            operator = LinearOperator((n, n), self._apply_normal, self._apply_normal, dtype=np.float64)
             solve = {"qmr": qmr, "cg": cg}[solver]
             found, _ = solve(operator, missing.ravel(), rtol=0, atol=enough, maxiter=max_iterations, callback=count)
         return start + self.scale * found.reshape(self.shape), iterations
 
-    def _of_maps(self, values: Floats) -> Any:
+    def _split_by_map(self, values: Floats) -> Any:
         return zip(self.maps, np.split(values, self.ends), strict=True)
 
     def _read(self, values: Floats) -> Floats:
         """A log t, (S, C)."""
-        return sum((m.read(x) for m, x in self._of_maps(values)), np.zeros(()))
+        return sum((m.read(x) for m, x in self._split_by_map(values)), np.zeros(()))
 
-    def _gathered(self, samples: Floats, smooth: Sequence[Floats]) -> Floats:
+    def _gather(self, samples: Floats, smooth: Sequence[Floats]) -> Floats:
         """Scaled texels (T, C): transpose of the whole matrix, times values of its sample rows and Laplacian rows."""
         pairs = zip(self.maps, smooth, strict=True)
         return self.scale * np.concatenate(
-            [m.gathered(samples) + self.smoothness * (m.laplacian.T @ x) for m, x in pairs]
+            [m.gather(samples) + self.smoothness * (m.laplacian.T @ x) for m, x in pairs]
         )
 
-    def _normal(self, vector: Floats) -> Floats:
+    def _apply_normal(self, vector: Floats) -> Floats:
         """The normal equations' matrix times a vector."""
         # The matrix is symmetric: QMR asks for its product with the same vector twice, as matrix and as transpose.
         if self._last is not None and np.array_equal(self._last[0], vector):
             return self._last[1]
         values = self.scale * vector.reshape(self.shape)
-        smooth = [self.smoothness * (m.laplacian @ x) for m, x in self._of_maps(values)]
-        product = self._gathered(self._read(values), smooth).ravel()
+        smooth = [self.smoothness * (m.laplacian @ x) for m, x in self._split_by_map(values)]
+        product = self._gather(self._read(values), smooth).ravel()
         self._last = vector.copy(), product
         return product
 
-    def _forward(self, vector: Floats) -> Floats:
+    def _apply(self, vector: Floats) -> Floats:
         values = self.scale * vector.reshape(self.shape)
-        smooth = [self.smoothness * (m.laplacian @ x) for m, x in self._of_maps(values)]
+        smooth = [self.smoothness * (m.laplacian @ x) for m, x in self._split_by_map(values)]
         return np.concatenate([self._read(values), *smooth]).ravel()
 
-    def _backward(self, vector: Floats) -> Floats:
+    def _apply_transpose(self, vector: Floats) -> Floats:
         rows = vector.reshape(-1, self.shape[1])
         n = len(rows) - self.shape[0]
-        return self._gathered(rows[:n], np.split(rows[n:], self.ends)).ravel()
+        return self._gather(rows[:n], np.split(rows[n:], self.ends)).ravel()

@@ -9,7 +9,7 @@ from importlib.machinery import BYTECODE_SUFFIXES, EXTENSION_SUFFIXES
 from pathlib import Path
 
 from glossbench import source_tree
-from glossbench.source_imports import Imported, source_of
+from glossbench.source_imports import ImportedName, read_source
 
 ENDINGS = (".py", *EXTENSION_SUFFIXES, *BYTECODE_SUFFIXES)
 OWN = Path(__file__).resolve().parent
@@ -30,23 +30,23 @@ def is_installed(path: Path | None) -> bool:
     return any(resolved.is_relative_to(root) for root in (*roots, OWN)) or resolved.suffix == ".zip"
 
 
-def source_files(module: str, file: Path) -> dict[str, Path]:
+def find_source_files(module: str, file: Path) -> dict[str, Path]:
     """The files that decide what a module computes, by module name, including files of glossbench.
 
-    For a module outside glossbench these are `local_files`, and the files of glossbench that those import.
+    For a module outside glossbench these are `find_local_files`, and the files of glossbench that those import.
     """
     tree = source_tree.GLOSSBENCH
     if tree.has(module):
-        return tree.closure([Imported(module)])
-    local = local_files(module, file)
-    imports = [each for name, path in local.items() for each in source_of(path, _package(name, path)).imports]
-    return local | tree.closure(imports)
+        return tree.find_closure([ImportedName(module)])
+    local = find_local_files(module, file)
+    imports = [each for name, path in local.items() for each in read_source(path, _find_package(name, path)).imports]
+    return local | tree.find_closure(imports)
 
 
-def local_files(module: str, file: Path) -> dict[str, Path]:
+def find_local_files(module: str, file: Path) -> dict[str, Path]:
     """The files that a module consists of, by module name: its own, those of its package, and all that these import.
 
-    Imports are found in the source text (`source_of`). Each is looked for in the folder that holds the outermost
+    Imports are found in the source text (`read_source`). Each is looked for in the folder that holds the outermost
     package of the importing module, then in the places of sys.path. Installed modules are left out. Data files that a
     module reads are not found.
     """
@@ -58,10 +58,10 @@ def local_files(module: str, file: Path) -> dict[str, Path]:
     waiting = list(found.items())
     while waiting:
         module, file = waiting.pop()
-        package = _package(module, file)
+        package = _find_package(module, file)
         root = file.parents[module.count(".") + (package == module)]
-        for imported in source_of(file, package).imports:
-            for each, path in _resolved(imported.dotted, root):
+        for imported in read_source(file, package).imports:
+            for each, path in _resolve(imported.dotted, root):
                 if each not in found:
                     found[each] = path
                     waiting.append((each, path))
@@ -73,11 +73,11 @@ def hash_of(files: dict[str, Path]) -> str:
     digest = hashlib.sha256()
     for name, path in sorted(files.items()):
         stat = path.stat()
-        digest.update(f"{name} {_digest(path, stat.st_size, stat.st_mtime_ns)}\n".encode())
+        digest.update(f"{name} {_compute_digest(path, stat.st_size, stat.st_mtime_ns)}\n".encode())
     return digest.hexdigest()
 
 
-def _package(module: str, file: Path) -> str:
+def _find_package(module: str, file: Path) -> str:
     """The package at which relative imports of a module start."""
     return module if file.name.startswith("__init__.") else module.rpartition(".")[0]
 
@@ -88,26 +88,26 @@ def _name(path: Path, place: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def _resolved(name: str, root: Path) -> Iterator[tuple[str, Path]]:
+def _resolve(name: str, root: Path) -> Iterator[tuple[str, Path]]:
     """The files of a dotted name and of the packages that contain it, if they are not installed."""
     parts = name.split(".")
     if parts[0] in sys.stdlib_module_names or parts[0] == "glossbench":
         return
     places = [root, *(Path(place) for place in sys.path if place and not is_installed(Path(place)))]
     for place in places:
-        files = [(".".join(parts[:i]), _file_of(place.joinpath(*parts[:i]))) for i in range(1, len(parts) + 1)]
+        files = [(".".join(parts[:i]), _find_file(place.joinpath(*parts[:i]))) for i in range(1, len(parts) + 1)]
         known = [(each, file) for each, file in files if file is not None]
         if known:
             yield from known
             return
 
 
-def _file_of(stem: Path) -> Path | None:
+def _find_file(stem: Path) -> Path | None:
     """The file of a module or package, from its path without the ending; None if there is no such file."""
     candidates = [stem / "__init__.py", *(stem.with_name(stem.name + ending) for ending in ENDINGS)]
     return next((each for each in candidates if each.is_file() and not is_installed(each)), None)
 
 
 @lru_cache(maxsize=1024)
-def _digest(path: Path, size: int, time: int) -> str:
+def _compute_digest(path: Path, size: int, time: int) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()

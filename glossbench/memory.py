@@ -14,31 +14,31 @@ def check_memory(what: str, n_bytes: int) -> None:
     """Raise InputError if something needs more memory than is available; the error gives both numbers."""
     if n_bytes <= _ALWAYS_FITS:
         return
-    there = available()
+    there = read_available()
     if there is not None and n_bytes > there:
         needs = f"needs about {n_bytes / 1e9:.1f} GB of memory, {max(there, 0) / 1e9:.1f} GB are available"
         raise InputError(f"{what} {needs}")
 
 
-def available() -> int | None:
+def read_available() -> int | None:
     """Bytes that this process may still use; None if the system does not say.
 
     It is the minimum of the memory that the machine has free or can free, of the memory that the control groups leave
     (containers, batch systems), and of the address space that its limit leaves (ulimit -v).
     """
-    return min((*_of_machine(), *_of_groups(), *_of_address_space()), default=None)
+    return min((*_read_machine(), *_read_control_groups(), *_read_address_space()), default=None)
 
 
-def _of_machine() -> Iterator[int]:
-    lines = _lines(Path("/proc/meminfo"))
+def _read_machine() -> Iterator[int]:
+    lines = _read_lines(Path("/proc/meminfo"))
     yield from (1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
     if not lines and "SC_PHYS_PAGES" in getattr(os, "sysconf_names", ()):
         yield os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
-def _of_groups() -> Iterator[int]:
+def _read_control_groups() -> Iterator[int]:
     """Bytes that each control group of this process leaves, for versions 1 and 2 of control groups."""
-    for line in _lines(Path("/proc/self/cgroup")):
+    for line in _read_lines(Path("/proc/self/cgroup")):
         _, controllers, path = line.split(":", 2)
         if controllers not in ("", "memory"):
             continue
@@ -48,28 +48,28 @@ def _of_groups() -> Iterator[int]:
         group = root / path.lstrip("/")
         for folder in (group, *group.parents):
             if folder.is_relative_to(root):
-                limit, used = ([*_lines(folder / name), ""][0] for name in names)
+                limit, used = ([*_read_lines(folder / name), ""][0] for name in names)
                 if limit.isdigit() and used.isdigit():
                     cached = sum(
                         int(each.split()[1])
-                        for each in _lines(folder / "memory.stat")
+                        for each in _read_lines(folder / "memory.stat")
                         if each.split()[0] == "inactive_file"
                     )
                     yield int(limit) - int(used) + cached
 
 
-def _of_address_space() -> Iterator[int]:
+def _read_address_space() -> Iterator[int]:
     try:
         import resource
     except ImportError:  # Windows
         return
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    pages = _lines(Path("/proc/self/statm"))
+    pages = _read_lines(Path("/proc/self/statm"))
     if limit != resource.RLIM_INFINITY:
         yield limit - (int(pages[0].split()[0]) * resource.getpagesize() if pages else 0)
 
 
-def _lines(path: Path) -> list[str]:
+def _read_lines(path: Path) -> list[str]:
     """Lines of a system file; an empty list if the file does not exist."""
     try:
         return path.read_text().splitlines()

@@ -7,9 +7,9 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar, dataclass_transform,
 
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
 
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError, suggest_nearest
 from glossbench.memory import check_memory
-from glossbench.rules import rule_of
+from glossbench.rules import state_rule
 
 
 def _spread(n: int) -> Any:
@@ -17,7 +17,7 @@ def _spread(n: int) -> Any:
     return BeforeValidator(lambda v: (v,) * n if isinstance(v, int | float) and not isinstance(v, bool) else v)
 
 
-def _power_of_two(n: int) -> int:
+def _check_power_of_two(n: int) -> int:
     if n & (n - 1):
         raise ValueError("must be a power of two")
     # Measured bytes per texel: 38 (constant) to 87 (sky) while a light is made. Methods allocate theirs later, when the
@@ -33,7 +33,9 @@ Color = Annotated[tuple[Fraction, Fraction, Fraction], _spread(3)]  # reflectanc
 Radiance = Annotated[tuple[NonNegative, NonNegative, NonNegative], _spread(3)]
 Width = Annotated[float, Field(gt=0, le=1)]  # of a microfacet distribution
 Widths = Annotated[tuple[Width, Width], _spread(2)]  # along t and b; a scalar is isotropic
-Resolution = Annotated[int, Field(ge=2, le=8192), AfterValidator(_power_of_two)]  # along the edge of a cube's face
+Resolution = Annotated[
+    int, Field(ge=2, le=8192), AfterValidator(_check_power_of_two)
+]  # along the edge of a cube's face
 Seed = Annotated[int, Field(ge=0, lt=1 << 32)]  # multiplied by replicates and points, it fits the generators' 64 bits
 
 
@@ -74,10 +76,10 @@ class Options:
     @classmethod
     def create(cls, options: Mapping[str, Any]) -> Self:
         """An instance from a mapping. Raises InputError for a missing name, and for an unknown one with the nearest."""
-        known = option_names(cls)
+        known = list_options(cls)
         for key in options:
             if key not in known:
-                raise InputError(f"{cls.name}: unknown option {key!r}{nearest(key, known)}")
+                raise InputError(f"{cls.name}: unknown option {key!r}{suggest_nearest(key, known)}")
         for option in dataclasses.fields(cls):  # type: ignore[arg-type]
             required = option.default is dataclasses.MISSING and option.default_factory is dataclasses.MISSING
             if required and option.name not in options:
@@ -86,7 +88,7 @@ class Options:
 
     def as_dict(self) -> dict[str, Any]:
         """All options with their values, as JSON types."""
-        adapters = _adapters(type(self))
+        adapters = _make_adapters(type(self))
         return {key: adapter.dump_python(getattr(self, key), mode="json") for key, adapter in adapters.items()}
 
     def is_usual(self) -> bool:
@@ -121,7 +123,7 @@ def copy_of(item: T) -> T:
     return type(item).create(item.as_dict())
 
 
-def option_names(cls: type[Options]) -> tuple[str, ...]:
+def list_options(cls: type[Options]) -> tuple[str, ...]:
     """Names of the options of a class, in the order of its source."""
     return tuple(option.name for option in dataclasses.fields(cls))  # type: ignore[arg-type]
 
@@ -129,39 +131,43 @@ def option_names(cls: type[Options]) -> tuple[str, ...]:
 def check(cls: type[Options], option: str, value: Any) -> Any:
     """The value of one option, converted (list to tuple, scalar to vector), or InputError."""
     try:
-        return _adapters(cls)[option].validate_python(value)
+        return _make_adapters(cls)[option].validate_python(value)
     except ValidationError as error:
         first = error.errors()[0]
         where = "".join(f"[{part}]" for part in first["loc"] if isinstance(part, int))
         within = first.get("ctx", {}).get("error")
         if isinstance(within, InputError):  # the option itself holds options
             raise InputError(f"{cls.name or cls.__name__}.{option}{where}: {within}") from None
-        raise InputError(f"{cls.name or cls.__name__}.{option}{where} {rule_of(first)}") from None
+        raise InputError(f"{cls.name or cls.__name__}.{option}{where} {state_rule(first)}") from None
 
 
-def _adapters(cls: type[Options]) -> dict[str, TypeAdapter[Any]]:
+def _make_adapters(cls: type[Options]) -> dict[str, TypeAdapter[Any]]:
     """The checks of all options, made once per class and stored in it."""
     if "_checks" not in vars(cls):
         hints = get_type_hints(cls, include_extras=True)
         # Strict, so that "40" and true are not accepted as numbers. Lists become tuples; this is the only conversion.
-        annotated: dict[str, Any] = {key: Annotated[hints[key], BeforeValidator(_tuples)] for key in option_names(cls)}
+        annotated: dict[str, Any] = {
+            key: Annotated[hints[key], BeforeValidator(_to_tuples)] for key in list_options(cls)
+        }
         cls._checks = {key: TypeAdapter(hint, config={"strict": True}) for key, hint in annotated.items()}
     return cls._checks
 
 
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
+def _to_tuples(value: Any) -> Any:
+    return tuple(_to_tuples(v) for v in value) if isinstance(value, list) else value
 
 
-def schema_of(cls: type[Options], option: str) -> dict[str, Any]:
+def make_option_schema(cls: type[Options], option: str) -> dict[str, Any]:
     """JSON Schema of an option of a class, without its default."""
-    return _adapters(cls)[option].json_schema()
+    return _make_adapters(cls)[option].json_schema()
 
 
-def json_schema(cls: type[Options]) -> dict[str, Any]:
+def make_schema(cls: type[Options]) -> dict[str, Any]:
     """JSON Schema of the options of a class."""
-    properties = {key: schema_of(cls, key) for key in _adapters(cls)}
+    properties = {key: make_option_schema(cls, key) for key in _make_adapters(cls)}
     for option in dataclasses.fields(cls):  # type: ignore[arg-type]
         if option.default is not dataclasses.MISSING:
-            properties[option.name]["default"] = _adapters(cls)[option.name].dump_python(option.default, mode="json")
+            properties[option.name]["default"] = _make_adapters(cls)[option.name].dump_python(
+                option.default, mode="json"
+            )
     return {"type": "object", "properties": properties, "additionalProperties": False}

@@ -6,13 +6,13 @@ import traceback
 from pathlib import Path
 
 
-def one_line(error: BaseException) -> str:
+def summarize_error(error: BaseException) -> str:
     """The class and the first line of an error."""
     first, *_ = [*str(error).splitlines(), ""]
     return f"{type(error).__name__}: {first}"
 
 
-def place_of(error: BaseException) -> str:
+def locate_error(error: BaseException) -> str:
     """FILE:LINE in the plug-in that raised the error or called the code that did; empty if no plug-in took part."""
     core = str(Path(__file__).parent)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith(core)]

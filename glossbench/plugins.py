@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 from glossbench.errors import InputError
-from glossbench.import_closure import hash_of, is_installed, local_files
+from glossbench.import_closure import find_local_files, hash_of, is_installed
 
 SOURCE = "__source_hash__"  # attribute of a loaded plug-in: the hash of its files at that time
 
@@ -32,7 +32,7 @@ def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
     places = list(dict.fromkeys([*([folder] if folder else []), Path.cwd()]))
     _put_on_path(places)
     top = name.partition(".")[0]
-    spec = next(filter(None, (_spec(top, place) for place in places)), None)
+    spec = next(filter(None, (_find_spec(top, place) for place in places)), None)
     if spec is not None:
         _load(top, spec)
     try:
@@ -42,12 +42,12 @@ def import_plugin(name: str, folder: Path | None = None) -> ModuleType:
             raise  # another module, which the plug-in imports, is missing
         where = " nor ".join(map(str, places))
         told = (
-            f"not in {where}, nor installed" if spec is None else f"{top} is {spec.origin}, which has none of this name"
+            f"not in {where}, nor installed" if spec is None else f"{top} is {spec.origin}, which does not contain it"
         )
         raise NoSuchModule(f"no such module: {told}") from None
 
 
-def origin(name: str) -> str:
+def find_origin(name: str) -> str:
     """The file of a loaded plug-in."""
     return str(getattr(sys.modules.get(name), "__file__", None) or "no file")
 
@@ -60,7 +60,7 @@ def _put_on_path(places: list[Path]) -> None:
             sys.path[at:] = [place, *(other for other in sys.path[at:] if other != place)]
 
 
-def _spec(top: str, place: Path) -> ModuleSpec | None:
+def _find_spec(top: str, place: Path) -> ModuleSpec | None:
     """The import specification of a module in a folder; None if the folder does not have a module of this name."""
     PathFinder.invalidate_caches()
     spec = PathFinder.find_spec(top, [str(place)])
@@ -74,17 +74,17 @@ def _load(top: str, spec: ModuleSpec) -> None:
         return
     if top in sys.stdlib_module_names:
         raise InputError(f"{file} has the name of a module of Python itself; rename it")
-    loaded, ours = sys.modules.get(top), local_files(top, file)
+    loaded, ours = sys.modules.get(top), find_local_files(top, file)
     source = hash_of(ours)
-    if _file_of(loaded) == file.resolve() and vars(loaded).get(SOURCE, source) == source:
+    if _find_file(loaded) == file.resolve() and vars(loaded).get(SOURCE, source) == source:
         return
-    if is_installed(_file_of(loaded)):
+    if is_installed(_find_file(loaded)):
         raise InputError(f"{file} has the name of an installed module that is loaded already; rename it")
     for each in list(sys.modules):
         if (
             each == top
             or each.startswith(f"{top}.")
-            or (each in ours and not is_installed(_file_of(sys.modules[each])))
+            or (each in ours and not is_installed(_find_file(sys.modules[each])))
         ):
             del sys.modules[each]
     module = module_from_spec(spec)
@@ -98,6 +98,6 @@ def _load(top: str, spec: ModuleSpec) -> None:
         raise
 
 
-def _file_of(module: ModuleType | None) -> Path | None:
+def _find_file(module: ModuleType | None) -> Path | None:
     stated = getattr(module, "__file__", None)
     return Path(stated).resolve() if isinstance(stated, str) else None

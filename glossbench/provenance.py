@@ -16,8 +16,8 @@ from uuid import uuid4
 import torch
 
 from glossbench import source_tree
-from glossbench.import_closure import hash_of, source_files
-from glossbench.source_imports import Imported
+from glossbench.import_closure import find_source_files, hash_of
+from glossbench.source_imports import ImportedName
 
 version = cache(metadata.version)  # cached, because metadata.version reads a file
 
@@ -26,16 +26,16 @@ COMPUTING = ("torch", "scipy", "scikit-image", "flip-evaluator", "OpenImageIO", 
 
 
 @cache
-def code_hash(*modules: str) -> str:
+def compute_code_hash(*modules: str) -> str:
     """SHA-256 of the import closure of modules of glossbench, and of the versions of the libraries in `COMPUTING`."""
-    closure = source_tree.GLOSSBENCH.closure(map(Imported, modules))
+    closure = source_tree.GLOSSBENCH.find_closure(map(ImportedName, modules))
     return hashlib.sha256(" ".join([hash_of(closure), *map(version, COMPUTING)]).encode()).hexdigest()
 
 
-def source_hash(cls: type) -> str:
+def compute_source_hash(cls: type) -> str:
     """SHA-256 of the source of a class and its bases: of their modules, and of all that these import.
 
-    The imports of a plug-in count if they are not installed or if they belong to glossbench: see `source_files`. A
+    The imports of a plug-in count if they are not installed or if they belong to glossbench: see `find_source_files`. A
     class without a file, such as one from a notebook, gets a new hash in each process, so its cells are never reused.
     """
     files: dict[str, Path] = {}
@@ -45,7 +45,7 @@ def source_hash(cls: type) -> str:
         file = getattr(sys.modules.get(base.__module__), "__file__", None)
         if file is None or not Path(file).is_file():
             return _without_source(base)
-        files |= source_files(base.__module__, Path(file))
+        files |= find_source_files(base.__module__, Path(file))
     return hash_of(files)
 
 
@@ -54,7 +54,7 @@ def _without_source(cls: type) -> str:
     return f"no source {uuid4().hex}"
 
 
-def glossbench_version() -> str:
+def read_version() -> str:
     """Version of the installed package."""
     try:
         return version("glossbench")
@@ -62,7 +62,7 @@ def glossbench_version() -> str:
         return "not installed"
 
 
-def system_information() -> dict[str, Any]:
+def collect_system_information() -> dict[str, Any]:
     """Versions and hardware, for reports and for bug reports."""
     names = (
         "numpy",
@@ -76,11 +76,11 @@ def system_information() -> dict[str, Any]:
         "pandas",
     )
     return {
-        "glossbench": glossbench_version(),
+        "glossbench": read_version(),
         "python": platform.python_version(),
         **{name.lower(): version(name) for name in names},
         "platform": platform.platform(terse=True),
-        "processor": processor(),
+        "processor": read_processor(),
         "cores": os.cpu_count(),
         "threads": torch.get_num_threads(),
         "cuda": torch.cuda.get_device_name() if torch.cuda.is_available() else "none",
@@ -88,7 +88,7 @@ def system_information() -> dict[str, Any]:
 
 
 @cache
-def processor() -> str:
+def read_processor() -> str:
     """The processor's name, as reported by the system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -97,7 +97,7 @@ def processor() -> str:
         return platform.processor() or platform.machine()
 
 
-def provenance(
+def collect_provenance(
     device: str, started: datetime, source: str, plugins: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, Any]:
     """The origin of results.
@@ -107,7 +107,7 @@ def provenance(
         plugins: the file of each plug-in, by name.
     """
     return {
-        **system_information(),
+        **collect_system_information(),
         "device": device,
         "started": started.isoformat(timespec="seconds"),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),

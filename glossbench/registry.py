@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, Generic, TypeVar
 
-from glossbench.errors import InputError, called, nearest
+from glossbench.errors import InputError, describe_wrong_value, suggest_nearest
 from glossbench.options import Options
 
 T = TypeVar("T", bound=Options)
@@ -68,14 +68,16 @@ class Registry(Generic[T]):
         if not isinstance(name, str):
             made = "; it is made already: use it as it is" if isinstance(name, Options) else ""
             example = min(self._classes, default="its_name")
-            raise InputError(f"a {self.kind} is asked for by its name, such as {example!r}, got {called(name)}{made}")
+            raise InputError(
+                f"a {self.kind} is asked for by its name, such as {example!r}, got {describe_wrong_value(name)}{made}"
+            )
         if name not in self._classes:
-            raise InputError(self.unknown(name))
+            raise InputError(self.explain_unknown(name))
         return self._classes[name]
 
-    def unknown(self, name: str) -> str:
+    def explain_unknown(self, name: str) -> str:
         """The message for an unknown name: it says what else has this name, or gives the nearest registered name."""
-        return f"unknown {self.kind} {name!r}{self._elsewhere(name) or nearest(name, self.names())}"
+        return f"unknown {self.kind} {name!r}{self._elsewhere(name) or suggest_nearest(name, self.names())}"
 
     @contextmanager
     def isolated(self, only: Iterable[type[T]] | None = None) -> Iterator[None]:

@@ -16,7 +16,7 @@ LONGEST = 60  # characters of a mapping that a message repeats
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
-def rule_of(error: Mapping[str, Any]) -> str:
+def state_rule(error: Mapping[str, Any]) -> str:
     """The rule and the value of one error of a pydantic ValidationError: "must be a valid integer, got '4, 8'"."""
     rule = error["msg"]
     for pattern, word in _WORDS:
@@ -27,14 +27,16 @@ def rule_of(error: Mapping[str, Any]) -> str:
     return f"{rule}, got {got}" if got else rule
 
 
-def instead(rule: str, value: Any) -> str:
+def suggest_instead(rule: str, value: Any) -> str:
     """What to write in a file instead of a value that breaks a rule; empty if this cannot be guessed."""
     if "a valid list" in rule and isinstance(value, dict):
         return "; begin each of its entries with a dash"
     if "a valid list" in rule and re.fullmatch(r"[\w.]+( *, *[\w.]+)*", str(value)) and value is not None:
         return f"; write [{value}]"
     if value is None:
-        return "; text that begins with # needs quotes" if "a valid string" in rule else "; leave out a key of no value"
+        return (
+            "; text that begins with # needs quotes" if "a valid string" in rule else "; remove a key that has no value"
+        )
     if "a valid string" in rule and isinstance(value, int | float):
         return f"; in quotes it is text: '{value}'"
     if "a valid boolean" in rule and str(value).lower() in ("yes", "no", "on", "off", "y", "n", "1", "0"):
@@ -42,11 +44,11 @@ def instead(rule: str, value: Any) -> str:
     if "a valid integer" in rule and isinstance(value, float) and value.is_integer():
         return f"; write {int(value)}"
     if isinstance(value, str) and ("a valid number" in rule or "a valid integer" in rule or "must be a list" in rule):
-        return _number_instead(value.strip())
+        return _suggest_number(value.strip())
     return ""
 
 
-def _number_instead(text: str) -> str:
+def _suggest_number(text: str) -> str:
     """What to write instead of text where a number is required."""
     parts = [part.strip() for part in text.strip("[]()").split(",")]
     if re.fullmatch(r"[-+]?\d+,\d+", text):

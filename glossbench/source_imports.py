@@ -9,7 +9,7 @@ from typing import NamedTuple
 CALLS = ("import_module", "__import__")
 
 
-class Imported(NamedTuple):
+class ImportedName(NamedTuple):
     """An imported module, or a name imported from it, which may be a module too; the name is empty for the module."""
 
     module: str
@@ -29,22 +29,22 @@ class Source(NamedTuple):
         names: the names that imports outside of functions and classes bind, including those under `if TYPE_CHECKING`.
     """
 
-    imports: tuple[Imported, ...]
-    names: dict[str, Imported]
+    imports: tuple[ImportedName, ...]
+    names: dict[str, ImportedName]
 
 
-def source_of(file: Path, package: str) -> Source:
+def read_source(file: Path, package: str) -> Source:
     """The imports of a file of this package; empty if the file is not Python or cannot be parsed.
 
     It finds `import a.b`, `from a import b`, relative imports, imports inside functions, and literal names that are
     passed to import_module. It does not find computed names.
     """
     stat = file.stat()
-    return _source_of(file, package, stat.st_size, stat.st_mtime_ns)
+    return _read_source(file, package, stat.st_size, stat.st_mtime_ns)
 
 
 @lru_cache(maxsize=4096)
-def _source_of(file: Path, package: str, size: int, time: int) -> Source:
+def _read_source(file: Path, package: str, size: int, time: int) -> Source:
     if file.suffix != ".py":
         return Source((), {})
     text = file.read_bytes()
@@ -52,48 +52,48 @@ def _source_of(file: Path, package: str, size: int, time: int) -> Source:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError):
         return Source((), {})
-    imports = {each for node in _statements(tree.body) for _, each in _bound(node, package)}
+    imports = {each for node in _walk_statements(tree.body) for _, each in _find_bound(node, package)}
     if any(call.encode() in text for call in CALLS):
-        imports |= set(_called(tree))
-    names = {name: each for node in _outermost(tree.body) for name, each in _bound(node, package)}
+        imports |= set(_find_import_calls(tree))
+    names = {name: each for node in _walk_outermost(tree.body) for name, each in _find_bound(node, package)}
     return Source(tuple(sorted(imports)), names)
 
 
-def _statements(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
+def _walk_statements(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
     """All statements except those under `if TYPE_CHECKING`.
 
     Expressions do not contain statements, so most of the tree is not visited.
     """
     for node in body:
         if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
-            yield from _statements(node.orelse)
+            yield from _walk_statements(node.orelse)
             continue
         yield node
         for block in ("body", "orelse", "finalbody", "handlers", "cases"):
             inner = getattr(node, block, None)
-            yield from _statements(inner) if isinstance(inner, list) else ()
+            yield from _walk_statements(inner) if isinstance(inner, list) else ()
 
 
-def _outermost(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
+def _walk_outermost(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
     for node in body:
-        yield from _outermost([*node.body, *node.orelse]) if isinstance(node, ast.If) else [node]
+        yield from _walk_outermost([*node.body, *node.orelse]) if isinstance(node, ast.If) else [node]
 
 
-def _bound(node: ast.AST, package: str) -> Iterator[tuple[str, Imported]]:
+def _find_bound(node: ast.AST, package: str) -> Iterator[tuple[str, ImportedName]]:
     """The names that an import statement binds, and what they mean."""
     if isinstance(node, ast.Import):
         for alias in node.names:
-            yield alias.asname or alias.name.partition(".")[0], Imported(alias.name)
+            yield alias.asname or alias.name.partition(".")[0], ImportedName(alias.name)
     elif isinstance(node, ast.ImportFrom):
         outer = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level and package else []
         module = ".".join([*outer, *([node.module] if node.module else [])])
         for alias in node.names:
-            yield alias.asname or alias.name, Imported(module, alias.name)
+            yield alias.asname or alias.name, ImportedName(module, alias.name)
 
 
-def _called(tree: ast.AST) -> Iterator[Imported]:
+def _find_import_calls(tree: ast.AST) -> Iterator[ImportedName]:
     """Literal names that are passed to import_module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in CALLS:
             literal = [arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant)]
-            yield from (Imported(name) for name in literal if isinstance(name, str) and not name.startswith("."))
+            yield from (ImportedName(name) for name in literal if isinstance(name, str) and not name.startswith("."))

@@ -5,7 +5,7 @@ from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
-from glossbench.source_imports import Imported, source_of
+from glossbench.source_imports import ImportedName, read_source
 
 
 class SourceTree:
@@ -26,7 +26,7 @@ class SourceTree:
         """Whether a module belongs to the package, by its name."""
         return module == self._name or module.startswith(f"{self._name}.")
 
-    def closure(self, starts: Iterable[Imported]) -> dict[str, Path]:
+    def find_closure(self, starts: Iterable[ImportedName]) -> dict[str, Path]:
         """The files of the imported modules and of all that these import, at any depth, by the names of the modules.
 
         The `__init__.py` of a package counts if it defines the imported name. If it only imports the name from another
@@ -34,37 +34,37 @@ class SourceTree:
         imports.
         """
         found: dict[str, Path] = {}
-        waiting = [module for start in starts if self.has(start.module) for module in self._defining(start)]
+        waiting = [module for start in starts if self.has(start.module) for module in self._find_definitions(start)]
         while waiting:
             module = waiting.pop()
-            if module not in found and (file := self._file(module)):
+            if module not in found and (file := self._find_file(module)):
                 found[module] = file
-                waiting += self._needs(module, file)
+                waiting += self._find_needs(module, file)
         return found
 
-    def _needs(self, module: str, file: Path) -> tuple[str, ...]:
+    def _find_needs(self, module: str, file: Path) -> tuple[str, ...]:
         if module not in self._needed:
             package = module if file.stem == "__init__" else module.rpartition(".")[0]
-            imports = [each for each in source_of(file, package).imports if self.has(each.module)]
-            self._needed[module] = tuple({name: None for each in imports for name in self._defining(each)})
+            imports = [each for each in read_source(file, package).imports if self.has(each.module)]
+            self._needed[module] = tuple({name: None for each in imports for name in self._find_definitions(each)})
         return self._needed[module]
 
-    def _defining(self, imported: Imported) -> Iterator[str]:
+    def _find_definitions(self, imported: ImportedName) -> Iterator[str]:
         """The modules that define what an import names."""
         module, name = imported
-        file = self._file(module)
-        names = source_of(file, module).names if file and file.stem == "__init__" else {}
+        file = self._find_file(module)
+        names = read_source(file, module).names if file and file.stem == "__init__" else {}
         if name in names and self.has(names[name].module) and names[name] != imported:
-            yield from self._defining(names[name])
-        elif name and self._file(imported.dotted):
-            yield from self._defining(Imported(imported.dotted))
+            yield from self._find_definitions(names[name])
+        elif name and self._find_file(imported.dotted):
+            yield from self._find_definitions(ImportedName(imported.dotted))
         else:
             yield module
             if not name:  # every name of the package may be used
                 handed_on = [each for each in names.values() if self.has(each.module) and each != imported]
-                yield from (defining for each in handed_on for defining in self._defining(each))
+                yield from (defining for each in handed_on for defining in self._find_definitions(each))
 
-    def _file(self, module: str) -> Path | None:
+    def _find_file(self, module: str) -> Path | None:
         if module not in self._files:
             self._files[module] = self._find(module)
         return self._files[module]

@@ -14,15 +14,15 @@ _CHECKSUM = "sha256"
 
 def dumps(data: Any, **options: Any) -> str:
     """Data as standard JSON; `options` are those of json.dumps."""
-    return json.dumps(_standard(data), allow_nan=False, **options)
+    return json.dumps(_standardize(data), allow_nan=False, **options)
 
 
 def loads(text: str | bytes) -> Any:
     """The data that `dumps` wrote, with infinities restored; NaN becomes None."""
-    return _infinite(json.loads(text))
+    return _restore_infinities(json.loads(text))
 
 
-def numbers(data: dict[str, Any]) -> dict[str, Any]:
+def restore_numbers(data: dict[str, Any]) -> dict[str, Any]:
     """A flat mapping as it was before `dumps`: None becomes NaN, and infinities are restored."""
     return {
         key: float("nan") if value is None else _INFINITE.get(value, value) if isinstance(value, str) else value
@@ -30,14 +30,14 @@ def numbers(data: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def sealed(data: dict[str, Any]) -> str:
+def seal(data: dict[str, Any]) -> str:
     """A mapping as JSON, whose last key is a checksum of the rest."""
-    standard = _standard(data)
-    return json.dumps(standard | {_CHECKSUM: _checksum(standard)}, indent=1, allow_nan=False)
+    standard = _standardize(data)
+    return json.dumps(standard | {_CHECKSUM: _compute_checksum(standard)}, indent=1, allow_nan=False)
 
 
-def unsealed(text: str | bytes) -> dict[str, Any]:
-    """The mapping that `sealed` wrote. Older files do not have a checksum; their mapping is not checked.
+def unseal(text: str | bytes) -> dict[str, Any]:
+    """The mapping that `seal` wrote. Older files do not have a checksum; their mapping is not checked.
 
     Raises:
         ValueError: the text is not a mapping, or does not agree with its checksum.
@@ -46,28 +46,28 @@ def unsealed(text: str | bytes) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ValueError("not a mapping")
     checksum = data.pop(_CHECKSUM, None)
-    if checksum is not None and checksum != _checksum(data):
+    if checksum is not None and checksum != _compute_checksum(data):
         raise ValueError("its checksum does not match")
     return data
 
 
-def _checksum(data: dict[str, Any]) -> str:
+def _compute_checksum(data: dict[str, Any]) -> str:
     return sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
-def _infinite(data: Any) -> Any:
+def _restore_infinities(data: Any) -> Any:
     if isinstance(data, dict):
-        return {key: _infinite(value) for key, value in data.items()}
+        return {key: _restore_infinities(value) for key, value in data.items()}
     if isinstance(data, list):
-        return [_infinite(value) for value in data]
+        return [_restore_infinities(value) for value in data]
     return _INFINITE.get(data, data) if isinstance(data, str) else data
 
 
-def _standard(data: Any) -> Any:
+def _standardize(data: Any) -> Any:
     if isinstance(data, dict):
-        return {key: _standard(value) for key, value in data.items()}
+        return {key: _standardize(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
-        return [_standard(value) for value in data]
+        return [_standardize(value) for value in data]
     if isinstance(data, float) and not isfinite(data):
         return None if isnan(data) else "Infinity" if data > 0 else "-Infinity"
     return data

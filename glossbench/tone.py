@@ -20,7 +20,7 @@ def aces(x: Floats) -> Floats:
     return np.clip((A * x + B) * x / ((C * x + D) * x + E), 0, 1)
 
 
-def where_aces_is(y: float) -> float:
+def invert_aces(y: float) -> float:
     """The inverse of `aces`: the x with aces(x) = y, for y below 1."""
     a, b, c = A - y * C, B - y * D, -y * E
     return (-b + sqrt(b * b - 4 * a * c)) / (2 * a)

@@ -107,7 +107,7 @@ class RegularSampling(Method):
 
     def n_samples(self, material: Material) -> int:
         """Number of samples in the patterns of all lobes."""
-        return sum(len(angles) for angles in self._angles(material))
+        return sum(len(angles) for angles in self._find_angles(material))
 
     def notes(self) -> tuple[str, ...]:
         """A note that the cut at xi limits the accuracy of a large budget."""
@@ -120,22 +120,24 @@ class RegularSampling(Method):
 
     def half_vectors(self, material: Material) -> Tensor | None:
         """The first lobe's pattern."""
-        return next(iter(self._angles(material)), None)
+        return next(iter(self._find_angles(material)), None)
 
     @stage
     def patterns(self, material: Material) -> tuple[Pattern, ...]:
         """The pattern of each lobe."""
         lobes = material.as_lobes().lobes
-        return tuple(self._pattern(lobe, angles) for lobe, angles in zip(lobes, self._angles(material), strict=True))
+        return tuple(
+            self._make_pattern(lobe, angles) for lobe, angles in zip(lobes, self._find_angles(material), strict=True)
+        )
 
-    def _angles(self, material: Material) -> list[Tensor]:
+    def _find_angles(self, material: Material) -> list[Tensor]:
         reflectance = material.as_lobes()
         if self.n_circles is None or self.spacing is None:
             budgets = reflectance.share(self.samples)
-            return [_nearest_pattern(lobe, self.xi, n) for lobe, n in zip(reflectance.lobes, budgets, strict=True)]
-        return [_circles(lobe, self.xi, self.n_circles, self.spacing) for lobe in reflectance.lobes]
+            return [_choose_nearest(lobe, self.xi, n) for lobe, n in zip(reflectance.lobes, budgets, strict=True)]
+        return [_place_circles(lobe, self.xi, self.n_circles, self.spacing) for lobe in reflectance.lobes]
 
-    def _pattern(self, lobe: Lobe, angles: Tensor) -> Pattern:
+    def _make_pattern(self, lobe: Lobe, angles: Tensor) -> Pattern:
         h = Vec3(*(c[None] for c in spherical(angles[:, 0], angles[:, 1])))
         D = lobe.D(h)
         p_h = (D if self.normalisation == "printed" else D * h.z).mean()
@@ -164,12 +166,12 @@ class RegularSampling(Method):
         radiance = visible_diffuse(points, reflectance, irradiance, occluder, pyramid, u, level)
         for lobe, pattern in zip(reflectance.lobes, patterns, strict=True):
             n = pattern.factor.shape[1]
-            arguments = (lobe, _on(pattern, points.device), pyramid, bias, occluder)
+            arguments = (lobe, _move_to(pattern, points.device), pyramid, bias, occluder)
             radiance += over_points(_kernel, points, n, *arguments)
         return radiance
 
 
-def _on(pattern: Pattern, device: str) -> Pattern:
+def _move_to(pattern: Pattern, device: str) -> Pattern:
     vectors = [Vec3(*(c.to(device) for c in v)) for v in (pattern.h, pattern.u, pattern.v)]
     return Pattern(vectors[0], pattern.factor.to(device), vectors[1], vectors[2])
 
@@ -223,10 +225,10 @@ def sample_pattern(m_x: float, m_y: float, xi: float, n_circles: int, spacing: S
     check = RegularSampling(xi=xi, n_circles=n_circles, spacing=spacing)
     if not (0 < m_x <= 1 and 0 < m_y <= 1):
         raise InputError(f"sample_pattern: m_x and m_y must be in (0, 1], got {m_x!r} and {m_y!r}")
-    return _circles(Lobe((torch.tensor(m_x), torch.tensor(m_y)), ks=()), check.xi, n_circles, spacing)
+    return _place_circles(Lobe((torch.tensor(m_x), torch.tensor(m_y)), ks=()), check.xi, n_circles, spacing)
 
 
-def _circles(lobe: Lobe, xi: float, n_circles: int, spacing: Spacing) -> Tensor:
+def _place_circles(lobe: Lobe, xi: float, n_circles: int, spacing: Spacing) -> Tensor:
     """`sample_pattern` for any lobe, by its own slope density q."""
     w_x, w_y = (w.double().cpu() for w in lobe.widths)
     radius = lobe.slope_at(torch.tensor(xi, dtype=torch.float64))
@@ -251,13 +253,13 @@ def _circles(lobe: Lobe, xi: float, n_circles: int, spacing: Spacing) -> Tensor:
     return torch.cat(kept).float()
 
 
-def _nearest_pattern(lobe: Lobe, xi: float, budget: int) -> Tensor:
+def _choose_nearest(lobe: Lobe, xi: float, budget: int) -> Tensor:
     """Among the patterns of both spacings, the one whose count is nearest to a budget; if equal, with fewer circles."""
     best = torch.empty(0, 2)
     n_circles, beyond = 0, False
     while not beyond and n_circles < 256:
         n_circles += 1
-        both = [_circles(lobe, xi, n_circles, spacing) for spacing in ("s1", "s2")]
+        both = [_place_circles(lobe, xi, n_circles, spacing) for spacing in ("s1", "s2")]
         for angles in both:
             if len(angles) and (not len(best) or abs(len(angles) - budget) < abs(len(best) - budget)):
                 best = angles

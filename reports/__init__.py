@@ -7,8 +7,8 @@ import os
 import sys
 from contextlib import suppress
 
-# A notebook names the place where its figures go, also to the processes that it starts, where matplotlib may not find
-# it. Figures that go to files need none; whoever draws on after us gets the one that was named, if there is such a one.
+# A notebook sets a back end for matplotlib. Processes that it starts inherit it, but may be unable to load it. Figures
+# in files need no back end. Code that draws after this import gets the back end that was set, if it can be loaded.
 _backend = os.environ.pop("MPLBACKEND", None) if "matplotlib" not in sys.modules else None
 try:
     import matplotlib

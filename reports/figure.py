@@ -1,6 +1,6 @@
-"""What a figure is: one class in one file of `figures/`, or of another distribution by the entry points' group
-`glossbench.figures`. It states what it may be asked for and gives its plots as data; the page, the PDF and
-`glossbench figure` then have it.
+"""The class of figures. Each figure is a class in a file of `figures/`, or in another distribution under the group of
+entry points `glossbench.figures`. It states its options and returns its plots as data; the page, the PDF and
+`glossbench figure` show them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ from glossbench.run.figures import FIGURES
 from glossbench.run.results import Results
 
 from .model.options import Choice, Option
-from .model.panels import Panels, shown
+from .model.panels import Panels, select_shown
 from .model.report import Report
 from .print.plots import draw
 from .typesetting import Format, Press
@@ -33,8 +33,8 @@ class Figure(Options):
     """A figure of results. A subclass registers with `@FIGURES.register("name")`; its first line says what it shows.
 
     Attributes:
-        options: what it may be asked for, by the name of the argument of `data`; an option may depend on those before.
-        in_reports: whether page and PDF have it, beside the command line.
+        options: by the name of the argument of `data`; an option may depend on those before it.
+        in_reports: whether page and PDF show it; the command line always can.
     """
 
     options: ClassVar[Mapping[str, Option]] = {}
@@ -45,7 +45,7 @@ class Figure(Options):
         raise NotImplementedError
 
     def cases(self, report: Report) -> Iterator[Case]:
-        """All that it may be asked for, with what it shows then, where that is anything."""
+        """All combinations of choices for which the figure shows something."""
         for choices in self._choices(report, list(self.options)):
             panels = self.data(report, **{name: choice.value for name, choice in choices.items()})
             if panels.panels:
@@ -55,16 +55,16 @@ class Figure(Options):
         """Write it to a file, whole or not at all.
 
         Args:
-            path: its extension is the form: .pdf, .svg or .png.
-            asked: of the options, those that were asked for, as text or numbers.
+            path: its extension is the format: .pdf, .svg or .png.
+            asked: the options that the user states, as text or numbers.
 
         Raises:
-            InputError: what was asked for is not there, or the form is another.
+            InputError: an option has no such choice, or the format is unknown.
         """
         form = path.suffix.lower().lstrip(".")
         if form not in ("pdf", "svg", "png"):
             raise InputError(f"{path}: the extension must be .pdf, .svg or .png, got {path.suffix!r}")
-        report = Report.of(results)
+        report = Report.from_results(results)
         given: dict[str, Any] = {}
         for name, option in self.options.items():
             given[name] = option.asked(report, given, asked.get(name))
@@ -74,11 +74,11 @@ class Figure(Options):
             part.write_bytes(content)
 
     def printed(self, report: Report, press: Press, **given: Any) -> dict[str, Any]:
-        """What the template of a single figure is given; InputError where there is nothing to show."""
+        """The data for the template of a single figure; InputError if there is nothing to show."""
         data = self.data(report, **given)
         if not data.panels:
             raise InputError(f"{report.results.folder} has nothing to show as {self.name}: {data.note or 'no cell'}")
-        figure = press.figure(draw(shown(data.panels)))
+        figure = press.figure(draw(select_shown(data.panels)))
         return {"kind": "plot", "alt": " ".join(filter(None, (given.get("metric"), data.title))), **figure}
 
     def _choices(self, report: Report, names: Sequence[str]) -> Iterator[dict[str, Choice]]:

@@ -1,7 +1,6 @@
-"""Figures of a report: sample patterns and colour bars; how numbers and plots look.
+"""The style of a report: numbers, colours and markers of plots, sample patterns, colour bars.
 
-They are matplotlib figures without global state; `svg` gives the same bytes for the same data, whatever style a user
-has set.
+Figures use no global state of matplotlib; `to_svg` returns the same bytes for the same data, in any style of the user.
 """
 
 import re
@@ -19,14 +18,14 @@ from matplotlib.figure import Figure
 from .raster import SIGNED, UNSIGNED, Floats
 
 INK, PAPER = "#1a1a1a", "#fefefe"
-# A colour a method. Okabe and Ito 2008 without yellow and black, which colour-blind readers tell apart on white and on
-# near-black; after these, for more methods, some of Tol's muted scheme (2021).
+# One colour per method. First Okabe and Ito 2008 without yellow and black: colour-blind readers can distinguish them on
+# white and on near-black. Then, for more methods, some of Tol's muted scheme (2021).
 COLOURS = (
     *("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"),
     *("#882255", "#999933", "#44aa99", "#7b6fd0", "#117733"),
 )
-SHADES = 0.4  # of the way to white and to black, at most: the lightest and the darkest line of a method
-MARKERS = "osD^vPX"  # one a line: seven against eleven colours
+SHADES = 0.4  # largest share of white or black that is mixed in: the lightest and the darkest line of a method
+MARKERS = "osD^vPX"  # one per line; 7 and the 11 colours share no divisor
 DASHES: Sequence[Any] = ("-", (0, (5, 1.5)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 1.5)))
 RC: dict[Any, Any] = {
     "font.family": "sans-serif",
@@ -40,24 +39,24 @@ RC: dict[Any, Any] = {
     "xtick.minor.width": 0.4,
     "lines.linewidth": 1.3,
     "lines.markersize": 5,
-    "text.parse_math": False,  # a name may hold a dollar sign
+    "text.parse_math": False,  # a name may contain a dollar sign
     "svg.fonttype": "none",
 } | dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK)
 
-# All that matplotlib can be told, as it comes; but not where its windows go.
+# The defaults of all parameters of matplotlib, except the back end.
 _PLAIN: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if not key.startswith("backend")}
 _drawing = threading.RLock()  # the parameters are one set for all threads
 
 
 @contextmanager
 def style(parameters: Mapping[Any, Any]) -> Iterator[None]:
-    """The block, or the function that this decorates, draws with these parameters; then the user's are back."""
+    """Draw with these parameters inside the block or the decorated function; then restore the user's parameters."""
     with _drawing, rc_context({**_PLAIN, **parameters}):
         yield
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """A number with so many significant digits, as print sets it: 0.0123, 1240, 1.20×10⁻⁶; – for none."""
+def format_number(value: float | None, digits: int = 3) -> str:
+    """A number with this many significant digits, as in print: 0.0123, 1240, 1.20×10⁻⁶; – for None."""
     if value is None or np.isnan(value):
         return "–"
     if value == 0 or np.isinf(value):
@@ -69,29 +68,30 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{mantissa}×10{raised}".replace("-", "−")
 
 
-def tick(value: float) -> str:
-    """A round number with no more digits than it has: 0.05, 1.5, 200, 10⁻⁷."""
+def format_tick(value: float) -> str:
+    """A round number without trailing digits: 0.05, 1.5, 200, 10⁻⁷."""
     mantissa = f"{value:.2e}".split("e")[0].rstrip("0").rstrip(".")
-    return number(value, len(mantissa.replace(".", "").replace("-", ""))).removeprefix("1×")
+    return format_number(value, len(mantissa.replace(".", "").replace("-", ""))).removeprefix("1×")
 
 
-def whole(value: float | None) -> str:
+def format_whole(value: float | None) -> str:
     """A whole number with narrow spaces between thousands."""
     if value is None:
         return "–"
     return f"{round(value):,}".replace(",", "\u202f") if value >= 1e4 else str(round(value))
 
 
-def stops(exposure: float) -> str:
-    """A factor of exposure as photographers have it: +1.5."""
+def format_stops(exposure: float) -> str:
+    """A factor of exposure in stops, as photographers write it: +1.5."""
     return f"{round(float(np.log2(exposure)), 1) + 0.0:+.1f}".replace("-", "−")
 
 
-def looks(methods: Sequence[str], hues: Mapping[str, int]) -> list[tuple[str, int]]:
-    """Of each line, by its method, the colour and the place among the lines of that method, which gives the dashes.
+def assign_looks(methods: Sequence[str], hues: Mapping[str, int]) -> list[tuple[str, int]]:
+    """For each line: its colour, and its index among the lines of its method, which selects the dashes.
 
     Args:
-        hues: the place of each method, which gives its colour.
+        methods: the method of each line.
+        hues: the index of each method, which selects its colour.
     """
     count, place = Counter(methods), Counter[str]()
     found = []
@@ -102,7 +102,7 @@ def looks(methods: Sequence[str], hues: Mapping[str, int]) -> list[tuple[str, in
 
 
 def shade(method: int, i: int = 0, n: int = 1) -> str:
-    """The colour of a method's line i of n: a sole one has the colour itself; of several the first is the darkest."""
+    """The colour of line i of n of a method: a single line has the base colour; of several the first is the darkest."""
     base = COLOURS[method % len(COLOURS)]
     share = SHADES * (2 * i / (n - 1) - 1) if n > 1 else 0.0
     target = 255 if share > 0 else 0
@@ -122,27 +122,27 @@ def polar(half_vectors: Floats, largest: float) -> list[tuple[float, float]]:
 
 
 @style(RC)
-def colour_bar(limit: float, label: str, signed: bool = True) -> Figure:
+def draw_colour_bar(limit: float, label: str, signed: bool = True) -> Figure:
     """The scale of error maps, from -limit or from 0 to +limit."""
     figure = Figure(figsize=(4.2, 0.62))
     ax = figure.add_axes((0.05, 0.72, 0.9, 0.26))
     low, colours = (-limit, SIGNED) if signed else (0.0, UNSIGNED)
     ax.imshow(np.linspace(0, 1, 255)[None], cmap=colours, aspect="auto", extent=(low, limit, 0, 1))
     ticks = np.linspace(low, limit, 5)
-    ax.set_xticks(ticks, [number(t, 2) for t in ticks])
+    ax.set_xticks(ticks, [format_number(t, 2) for t in ticks])
     ax.set_yticks([])
     ax.spines[:].set_visible(False)
     ax.set_xlabel(label)
     return figure
 
 
-def svg(figure: Figure, name: str) -> str:
-    """A figure as <svg>: text stays text, in the ink and on the paper of the page; `name` is unique there."""
+def to_svg(figure: Figure, name: str) -> str:
+    """A figure as <svg>: text stays text, in the colours of the page; `name` is unique on the page."""
     out = StringIO()
     with style({**RC, "svg.hashsalt": name}):
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         figure.savefig(out, format="svg", transparent=True, metadata=nothing)
     text = out.getvalue()
-    text = re.sub(r'<g id="[^"]*"', "<g", text[text.index("<svg") :])  # matplotlib numbers them anew in each figure
+    text = re.sub(r'<g id="[^"]*"', "<g", text[text.index("<svg") :])  # matplotlib numbers them again in each figure
     text = text.replace(INK, "currentColor").replace(PAPER, "var(--paper, white)")
     return text.replace("<svg ", '<svg role="img" ', 1)

@@ -1,4 +1,4 @@
-"""The road to typst: a folder with data, images and templates becomes pages; what a study says stays text."""
+"""Typesetting by typst: a folder of data, images and templates becomes pages. Texts of a study are never code."""
 
 import os
 import re
@@ -21,7 +21,7 @@ from glossbench.strict_json import dumps
 from .style import RC, style
 
 TEMPLATES = Path(__file__).parent / "print" / "templates"
-LONGEST = 64  # characters without a space; in a longer word a line may break
+LONGEST = 64  # characters of a word; inside a longer word a line may break
 PIECE = 16  # after so many characters
 Format = Literal["pdf", "png", "svg"]
 _FONTS = str(Path(get_data_path()) / "fonts" / "ttf")
@@ -34,7 +34,7 @@ _first_process: dict[str, int] = {}  # the one in which typst has started its th
 
 
 class Press:
-    """A folder that typst reads from and that is gone afterwards; templates see no file outside it.
+    """A temporary folder that typst reads from; templates see no file outside it.
 
     Texts reach a template as JSON strings, never as source: a title that looks like code is printed as it is.
     """
@@ -63,7 +63,7 @@ class Press:
         return name
 
     def figure(self, figure: Figure) -> dict[str, Any]:
-        """File and width [pt] of a plot as SVG: lines stay lines, text stays text, in the font that measured it."""
+        """File and width [pt] of a plot as SVG, in which lines stay lines, and text stays text in the same font."""
         out = BytesIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         with style({**RC, "svg.hashsalt": str(self._n_files)}):
@@ -81,7 +81,7 @@ class Press:
         return True
 
     def equation(self, text: str) -> bytes:
-        """An SVG of mathematics that `is_equation`, in black, with no page about it."""
+        """An SVG of an equation for which `is_equation` is true, in black, cropped."""
         source = self.folder / "line.typ"
         source.write_text(
             "#set page(width: auto, height: auto, margin: 1pt, fill: none)\n#set text(size: 13pt)\n"
@@ -93,19 +93,19 @@ class Press:
         return first
 
     def pages(self, template: str, data: Mapping[str, Any], form: Format = "pdf") -> bytes:
-        """What a template makes of data: a PDF, or an image of its first page."""
-        (self.folder / "data.json").write_text(dumps(_breakable(data)), encoding="utf-8")
+        """A template filled with data: a PDF, or an image of its first page."""
+        (self.folder / "data.json").write_text(dumps(_make_breakable(data)), encoding="utf-8")
         for source in TEMPLATES.glob("*.typ"):
             (self.folder / source.name).write_bytes(source.read_bytes())
         if form == "pdf":
-            return self._pdf(template)
+            return self._set_pdf(template)
         made = self._compiler.compile(str(self.folder / template), format=form, ppi=300)
         first = made[0] if isinstance(made, list) else made
         assert first is not None  # without an output file typst returns what it made
         return first
 
-    def _pdf(self, template: str) -> bytes:
-        """A PDF, set in a process of its own: a long one takes half a gigabyte, beside what this one holds."""
+    def _set_pdf(self, template: str) -> bytes:
+        """A PDF, set in a separate process, because a long one needs half a gigabyte."""
         made = self.folder / "made.pdf"
         arguments = (str(self.folder), str(self.folder / template), _FONTS, str(made))
         done = subprocess.run(
@@ -117,13 +117,13 @@ class Press:
         return made.read_bytes()
 
 
-def _breakable(value: Any) -> Any:
-    """Data in whose long words a line may break, at spaces without width."""
+def _make_breakable(value: Any) -> Any:
+    """The data with spaces of zero width in long words, so that lines may break there."""
     if isinstance(value, str):
         text = value.encode("utf-8", "backslashreplace").decode()  # half a character would not be JSON
         return re.sub(rf"\S{{{LONGEST + 1},}}", lambda word: re.sub(rf".{{{PIECE}}}", "\\g<0>\u200b", word[0]), text)
     if isinstance(value, Mapping):
-        return {key: _breakable(each) for key, each in value.items()}
+        return {key: _make_breakable(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_breakable(each) for each in value]
+        return [_make_breakable(each) for each in value]
     return value

@@ -61,13 +61,13 @@ def _registries_as_they_were():
 
 @pytest.fixture(scope="session", autouse=True)
 def _nothing_waits():
-    """Work is not run again to be timed, but where `several_runs` is asked for; no write waits for the disk."""
+    """Work is timed once, except with the fixture `several_runs`; no write waits for the disk."""
     from glossbench.shading import image, stage_cache  # late, as they import torch
-    from glossbench.shading.costs import timed
+    from glossbench.shading.costs import time_work
 
     with pytest.MonkeyPatch.context() as patch:
         for module in (image, stage_cache):
-            patch.setattr(module, "timed", lambda work, device, patience: timed(work, device, 0))
+            patch.setattr(module, "time_work", lambda work, device, patience: time_work(work, device, 0))
         patch.setattr(os, "fsync", lambda opened: None)
         yield
 
@@ -96,10 +96,10 @@ def _what_is_compiled_is_not_checked():
 @pytest.fixture
 def several_runs(monkeypatch):
     """Work is timed as outside of tests: run again and again."""
-    from glossbench.shading.costs import timed
+    from glossbench.shading.costs import time_work
 
     for module in ("image", "stage_cache"):
-        monkeypatch.setattr(f"glossbench.shading.{module}.timed", timed)
+        monkeypatch.setattr(f"glossbench.shading.{module}.time_work", time_work)
 
 
 @pytest.fixture(scope="session")

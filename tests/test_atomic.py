@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from glossbench.atomic import ABANDONED, interrupted_when_asked, remove_abandoned, replacing
-from glossbench.errors import CannotWrite
+from glossbench.atomic import ABANDONED, interrupted_by_signals, remove_abandoned, replacing
+from glossbench.errors import WriteError
 
 
-def test_what_was_written_stands_under_its_name_and_nothing_else_is_left(tmp_path):
+def test_what_was_written_has_its_name_and_nothing_else_is_left(tmp_path):
     with replacing(tmp_path / "a.json") as part:
         part.write_text("new")
 
@@ -65,10 +65,10 @@ def test_content_is_on_the_disk_before_it_has_its_name_and_the_name_after(tmp_pa
     assert events == [part.name, "replace", tmp_path.name]
 
 
-def test_a_folder_that_is_gone_is_one_line_with_the_path(tmp_path):
+def test_a_missing_folder_is_one_line_with_the_path(tmp_path):
     path = tmp_path / "gone" / "a.json"
 
-    with pytest.raises(CannotWrite) as caught, replacing(path) as part:
+    with pytest.raises(WriteError) as caught, replacing(path) as part:
         part.write_text("new")
 
     assert str(caught.value) == f"{path}: cannot be written: No such file or directory"
@@ -79,7 +79,7 @@ def test_a_folder_that_is_gone_is_one_line_with_the_path(tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_that_asks_the_process_to_end_interrupts_the_write_and_nothing_is_left(tmp_path, number):
+def test_a_signal_that_ends_the_process_interrupts_the_write_and_nothing_is_left(tmp_path, number):
     before = signal.signal(number, signal.SIG_DFL)
     try:
         with pytest.raises(KeyboardInterrupt):
@@ -92,10 +92,10 @@ def test_a_signal_that_asks_the_process_to_end_interrupts_the_write_and_nothing_
 
 
 @pytest.mark.parametrize("handler", [signal.SIG_IGN, lambda number, frame: None], ids=["ignored", "another's"])
-def test_a_signal_that_somebody_else_handles_stays_theirs(handler):
+def test_the_signal_handler_of_the_program_is_kept(handler):
     before = signal.signal(signal.SIGTERM, handler)
     try:
-        with interrupted_when_asked():
+        with interrupted_by_signals():
             meanwhile = signal.getsignal(signal.SIGTERM)
 
         assert meanwhile is handler
@@ -125,7 +125,7 @@ def left_by(tmp_path):
 
 @pytest.fixture(scope="module")
 def dead():
-    """The number of a process that is no more."""
+    """The number of a process that has ended."""
     with subprocess.Popen(["true"]) as process:
         process.wait()
     return process.pid

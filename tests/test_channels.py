@@ -15,7 +15,7 @@ def test_a_scalar_is_of_single_precision():
     assert scalar(0.1, "cpu").dtype == torch.float32
 
 
-def test_of_sums_by_channel_each_gives_its_own_column():
+def test_each_sum_by_channel_gives_its_own_column():
     red, green, blue = (torch.full((2, 3), v) + torch.arange(3) for v in (10.0, 20.0, 30.0))
 
     assert merge_channels([red, green, blue]).tolist() == [[10.0, 21.0, 32.0]] * 2

@@ -125,7 +125,7 @@ def test_the_laplacian_fills_what_no_sample_sees():
 
     found = factorize(np.array([[0.0], [3.0]]), [one], 1e-3, "cg", 1e-12)
 
-    # Free ends bend least: of a Laplacian whose end rows are single differences, the least is no straight line.
+    # Free ends bend least: of a Laplacian whose end rows are single differences, the least is not a straight line.
     inside = found.logs[0][1:3, 0]
     assert 0 < inside[0] < inside[1] < 3
 
@@ -138,8 +138,8 @@ def test_samples_that_share_a_row_are_as_samples_with_rows_of_their_own():
     values, samples = np.random.default_rng(6).normal(size=(9, 2)), np.random.default_rng(7).normal(size=(5, 2))
 
     np.testing.assert_allclose(shared.read(values), own.read(values), rtol=1e-13)
-    np.testing.assert_allclose(shared.gathered(samples), own.gathered(samples), rtol=1e-13)
-    np.testing.assert_allclose(shared.squares(), own.squares(), rtol=1e-13)
+    np.testing.assert_allclose(shared.gather(samples), own.gather(samples), rtol=1e-13)
+    np.testing.assert_allclose(shared.sum_squares(), own.sum_squares(), rtol=1e-13)
 
 
 def test_bilinear_rows_reproduce_a_linear_image():

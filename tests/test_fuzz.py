@@ -1,4 +1,4 @@
-"""Mutated studies and images load or are refused, in a process of their own, which a native library may kill."""
+"""Mutated studies and images load or are refused, in a separate process, which a native library may kill."""
 
 import random
 import signal

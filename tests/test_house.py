@@ -19,7 +19,7 @@ ROOMS = (
 )  # fmt: skip
 DOORS = ("glossbench", "glossbench.__main__")  # what Python and the shell enter by
 FACADE = "glossbench.prefilter"
-MOST_MODULES = 5  # that a method imports beside Python's own: the façade and four libraries
+MOST_MODULES = 5  # that a method imports, besides Python's own: the façade and four libraries
 
 
 @cache
@@ -196,7 +196,7 @@ def test_a_circle_is_noticed(source):
 
 
 def libraries(source, package):
-    """The modules that a method imports, Python's own and its own files aside."""
+    """The modules that a method imports, without Python's own and the method's files."""
     names = {each[0] for each in imports(source, package)}
     return {n for n in names if n.partition(".")[0] not in sys.stdlib_module_names and side(n) != "methods"}
 

@@ -12,9 +12,9 @@ import pytest
 from glossbench import memory
 from glossbench.envmap.formats import dds, hdr, pfm
 from glossbench.envmap.formats.files import read_file
-from glossbench.envmap.lights.file_light import light_named
+from glossbench.envmap.lights.file_light import make_light
 from glossbench.errors import InputError
-from glossbench.memory import available, check_memory
+from glossbench.memory import check_memory, read_available
 from glossbench.scene.mesh_view import MeshView
 from glossbench.scene.sphere import Sphere
 from glossbench.scene.virtual_cube import VirtualCube
@@ -25,16 +25,16 @@ GB = 10**9
 @pytest.fixture
 def small_machine(monkeypatch):
     """4 GB are free."""
-    monkeypatch.setattr(memory, "available", lambda: 4 * GB)
+    monkeypatch.setattr(memory, "read_available", lambda: 4 * GB)
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: light_named("sky", {"resolution": 8192}),
+        (lambda: make_light("sky", {"resolution": 8192}),
          r"sky.resolution: a cube of 6 x 8192 x 8192 texels needs about 36.2 GB of memory, 4.0 GB are available"),
-        (lambda: light_named("constant", {"resolution": 4096}), "constant.resolution: .* needs about 9.1 GB"),
-        (lambda: light_named("a.hdr", {"resolution": 8192}), "file.resolution: .* needs about 36.2 GB"),
+        (lambda: make_light("constant", {"resolution": 4096}), "constant.resolution: .* needs about 9.1 GB"),
+        (lambda: make_light("a.hdr", {"resolution": 8192}), "file.resolution: .* needs about 36.2 GB"),
         (lambda: Sphere(resolution=8192), "sphere: a view of 8192 x 8192 pixels needs about 26.8 GB"),
         (lambda: Sphere(resolution=4096, width=8192), "view of 8192 x 4096 pixels"),
         (lambda: MeshView(resolution=8192), "mesh: a view of 8192 x 8192 pixels needs about 26.8 GB"),
@@ -51,7 +51,7 @@ def test_what_fits_is_let_through_and_a_system_that_says_nothing_refuses_nothing
     with pytest.raises(InputError, match=r"this needs about 4.1 GB of memory, 4.0 GB are"):
         check_memory("this", 4 * GB + GB // 10)
 
-    monkeypatch.setattr(memory, "available", lambda: None)
+    monkeypatch.setattr(memory, "read_available", lambda: None)
 
     check_memory("this", 400 * GB)
 
@@ -81,7 +81,7 @@ def test_a_large_image_is_refused_before_its_pixels_are_read(small_machine, tmp_
 
 
 @pytest.mark.parametrize("name", HEADERS)
-def test_of_a_file_larger_than_its_image_no_more_than_the_image_is_read(tmp_path, name):
+def test_only_the_image_is_read_of_a_file_that_is_larger(tmp_path, name):
     small = HEADERS[name].replace(b"8192", b"0064").replace(struct.pack("<I", 4096), struct.pack("<I", 64))
     path = tmp_path / name
     path.write_bytes(small)
@@ -110,17 +110,17 @@ def test_the_smallest_limit_counts(monkeypatch, tmp_path):
         (folder / "memory.max").write_text(f"{limit}\n")
         (folder / "memory.current").write_text("3000\n")
         (folder / "memory.stat").write_text("anon 1\ninactive_file 500\n")
-    lines = memory._lines
+    lines = memory._read_lines
     monkeypatch.setattr(memory, "_CGROUPS", tmp_path)
-    monkeypatch.setattr(memory, "_lines", lambda p: ["0::/a/b"] if p.name == "cgroup" else lines(p))
+    monkeypatch.setattr(memory, "_read_lines", lambda p: ["0::/a/b"] if p.name == "cgroup" else lines(p))
 
-    assert available() == 5000 - 3000 + 500
+    assert read_available() == 5000 - 3000 + 500
 
 
 def test_a_limit_on_the_address_space_counts():
     code = (
         "import resource; resource.setrlimit(resource.RLIMIT_AS, (3 * 10**9,) * 2)\n"
-        "from glossbench.memory import available; print(available())"
+        "from glossbench.memory import read_available; print(read_available())"
     )
 
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

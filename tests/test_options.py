@@ -8,9 +8,9 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from glossbench.brdf.material import MATERIALS
 from glossbench.envmap.lights.light import LIGHTS
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError, suggest_nearest
 from glossbench.metrics import METRICS
-from glossbench.options import Color, Finite, Fraction, NonNegative, Options, Width, Widths, check, json_schema
+from glossbench.options import Color, Finite, Fraction, NonNegative, Options, Width, Widths, check, make_schema
 from glossbench.registry import Registry
 from glossbench.scene.points import VIEWS
 from glossbench.shading.method import METHODS
@@ -172,7 +172,7 @@ def test_options_as_dict_make_the_same_options_again():
 
 
 def test_the_schema_names_bounds_and_defaults():
-    schema = json_schema(Lamp)
+    schema = make_schema(Lamp)
 
     assert schema["properties"]["samples"] == {"type": "integer", "minimum": 1, "maximum": 64, "default": 40}
     assert schema["properties"]["shape"]["enum"] == ["disc", "square"]
@@ -188,7 +188,7 @@ def every_option():
         for kind, registry in REGISTRIES.items()
         for name in registry.names()
         for cls in [registry.get(name)]
-        for option in json_schema(cls)["properties"]
+        for option in make_schema(cls)["properties"]
     ]
 
 
@@ -256,5 +256,5 @@ def test_an_unknown_name_offers_the_nearest(kind, name, hint):
 
 
 def test_a_name_that_is_near_none_lists_them_all():
-    assert nearest("zzz", ["b", "a"]) == "; known: a, b"
-    assert nearest("zzz", []) == ""
+    assert suggest_nearest("zzz", ["b", "a"]) == "; known: a, b"
+    assert suggest_nearest("zzz", []) == ""

@@ -1,4 +1,4 @@
-"""Plug-ins: which file a name means, and what a change of a file beside it makes new."""
+"""Plug-ins: which file a name means, and what a change of a file next to it makes new."""
 
 import shutil
 import sys
@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from glossbench.errors import InputError
-from glossbench.import_closure import is_installed, local_files
-from glossbench.plugins import import_plugin, origin
-from glossbench.provenance import source_hash
+from glossbench.import_closure import find_local_files, is_installed
+from glossbench.plugins import find_origin, import_plugin
+from glossbench.provenance import compute_source_hash
 from glossbench.run.runner import run_study
 from glossbench.shading.method import METHODS
 from glossbench.study.study import load_study
@@ -45,24 +45,24 @@ def write(folder, **files):
 # Which file.
 
 
-def test_the_module_beside_the_study_wins_over_that_of_the_working_folder(study):
+def test_the_module_next_to_the_study_wins_over_that_of_the_working_folder(study):
     write(study, lab_a="PLACE = 'study'")
     write(Path.cwd(), lab_a="PLACE = 'here'")
 
     assert import_plugin("lab_a", study).PLACE == "study"
-    assert origin("lab_a") == str(study / "lab_a.py")
+    assert find_origin("lab_a") == str(study / "lab_a.py")
     del sys.modules["lab_a"]
     assert import_plugin("lab_a").PLACE == "here"
 
 
-def test_a_helper_beside_the_study_wins_over_that_of_the_working_folder(study):
+def test_a_helper_next_to_the_study_wins_over_that_of_the_working_folder(study):
     write(study, lab_b="import lab_help\nPLACE = lab_help.PLACE", lab_help="PLACE = 'study'")
     write(Path.cwd(), lab_help="PLACE = 'here'")
 
     assert import_plugin("lab_b", study).PLACE == "study"
 
 
-def test_a_file_beside_the_study_wins_over_an_installed_module_that_is_not_loaded(study):
+def test_a_file_next_to_the_study_wins_over_an_installed_module_that_is_not_loaded(study):
     write(study, xdist_of_mine="PLACE = 'study'")
     site = study.parent / "site-packages"
     site.mkdir()
@@ -97,7 +97,7 @@ def test_a_plugin_that_is_not_there_says_where_it_was_looked_for(study):
     assert str(caught.value) == f"no such module: not in {study} nor {Path.cwd()}, nor installed"
 
     write(study, lab_c__in____init__="")
-    with pytest.raises(InputError, match=r"no such module: lab_c is .*__init__\.py, which has none of this name$"):
+    with pytest.raises(InputError, match=r"no such module: lab_c is .*__init__\.py, which does not contain it$"):
         import_plugin("lab_c.none", study)
 
 
@@ -164,7 +164,7 @@ def test_a_changed_helper_makes_its_class_another(study, name):
 
     def written(level):
         write(study, lab_g=PLUGIN.format(use=use), **{each: code.format(level) for each, code in files.items()})
-        return source_hash(import_plugin("lab_g", study).Flat)
+        return compute_source_hash(import_plugin("lab_g", study).Flat)
 
     first, again, second = written(1), written(1), written(2)
 
@@ -173,25 +173,25 @@ def test_a_changed_helper_makes_its_class_another(study, name):
 
 def test_a_file_that_is_not_imported_makes_nothing_new(study):
     write(study, lab_h=PLUGIN.format(use="level = lambda: 1"), other="A = 1")
-    before = source_hash(import_plugin("lab_h", study).Flat)
+    before = compute_source_hash(import_plugin("lab_h", study).Flat)
 
     write(study, other="A = 2")
 
-    assert source_hash(import_plugin("lab_h", study).Flat) == before
+    assert compute_source_hash(import_plugin("lab_h", study).Flat) == before
 
 
 def test_another_folder_makes_nothing_new(study):
     write(study, lab_i=PLUGIN.format(use="from tool import level"), tool="level = lambda: 1")
-    before = source_hash(import_plugin("lab_i", study).Flat)
+    before = compute_source_hash(import_plugin("lab_i", study).Flat)
     moved = Path(shutil.move(study, study.parent / "moved"))
 
-    assert source_hash(import_plugin("lab_i", moved).Flat) == before
+    assert compute_source_hash(import_plugin("lab_i", moved).Flat) == before
 
 
 def test_what_is_installed_is_not_part_of_a_plugin(study):
     write(study, lab_j="import torch, json, glossbench.shading.method, tool", tool="import numpy")
 
-    assert local_files("lab_j", study / "lab_j.py").keys() == {"lab_j", "tool"}
+    assert find_local_files("lab_j", study / "lab_j.py").keys() == {"lab_j", "tool"}
     assert is_installed(Path(pytest.__file__))
     assert not is_installed(study)
 

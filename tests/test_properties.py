@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from glossbench.brdf.material import MATERIALS, Material
-from glossbench.catalog.entries import entries
+from glossbench.catalog.entries import list_entries
 from glossbench.contract.cases import turn_light
 from glossbench.directions import Vec3, dot, half_vector, normalize, points_2d, spherical, stack, vec3
 from glossbench.envmap.cubemap import CubeMap, face_coordinates, face_directions, texel_directions, texel_solid_angles
@@ -19,7 +19,7 @@ from glossbench.envmap.projections.conversion import Written, from_cubemap, to_c
 from glossbench.envmap.projections.layouts import LAYOUTS
 from glossbench.envmap.pyramid import MipFilter, build_pyramid, lookup
 from glossbench.errors import InputError
-from glossbench.options import json_schema
+from glossbench.options import make_schema
 
 PROJECTIONS = get_args(Written)
 FILTERS = get_args(MipFilter)
@@ -261,7 +261,7 @@ def test_a_lookup_is_continuous_across_any_edge(light, seed, mip_filter, lod, ed
 @pytest.mark.parametrize("edge", range(12))
 def test_the_seam_would_show_without_the_neighbours_texels(monkeypatch, edge):
     """Twin of the above: borders that repeat the face's own texels."""
-    monkeypatch.setattr("glossbench.envmap.pyramid.bordered", repeat_edge)
+    monkeypatch.setattr("glossbench.envmap.pyramid.add_border", repeat_edge)
 
     assert jump(random_light(1, 3, 1.0), 2, "gauss4", 0.5, edge) > 10
 
@@ -300,7 +300,7 @@ def number(schema: dict[str, Any], smooth: bool) -> st.SearchStrategy[Any]:
 
 
 def option(schema: dict[str, Any], smooth: bool) -> st.SearchStrategy[Any] | None:
-    """Values of an option; None where its schema is no number, vector, choice or Boolean."""
+    """Values of an option; None if its schema is not a number, vector, choice or Boolean."""
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
     if schema.get("type") == "boolean":
@@ -321,7 +321,7 @@ def materials(draw: Any, name: str, smooth: bool) -> Material:
         parts = [draw(materials(part, smooth)) for part in ("kurt", "ggx")]
         return cls.create({"of": [{part.name: part.as_dict()} for part in parts]})
     options = {}
-    for key, schema in json_schema(cls)["properties"].items():
+    for key, schema in make_schema(cls)["properties"].items():
         values = option(schema, smooth)
         if values is not None and (smooth or draw(st.booleans())):
             options[key] = draw(values)
@@ -335,8 +335,8 @@ def materials(draw: Any, name: str, smooth: bool) -> Material:
 def drawable() -> list[str]:
     """Materials that need no file: densities of measured ones are too narrow for this grid, and have their own test."""
     names = []
-    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in entries("brdf")}):
-        required = json_schema(MATERIALS.get(name)).get("required", [])
+    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in list_entries("brdf")}):
+        required = make_schema(MATERIALS.get(name)).get("required", [])
         if name == "sum" or not required:
             try:
                 names += [name] if name == "sum" or MATERIALS.create(name, {}) else []

@@ -1,4 +1,4 @@
-"""Names are there for whoever asks first, from any thread, and after an import that was interrupted."""
+"""Names are found at the first use, from any thread, and after an import that was interrupted."""
 
 import sys
 import threading

@@ -36,7 +36,7 @@ def test_directions_that_do_not_broadcast_are_seen():
         lobe_of(TrowbridgeReitz).pdf(up(4, 1), up(3, 5))
 
 
-def test_a_lobe_whose_parameter_is_no_scalar_is_seen():
+def test_a_lobe_whose_parameter_is_not_a_scalar_is_noticed():
     with pytest.raises(TypeCheckError, match="'widths'"):
         TrowbridgeReitz((torch.ones(2), ALPHA), (ONE,), (ONE,))
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from glossbench import source_tree
-from glossbench.import_closure import source_files
-from glossbench.provenance import code_hash, source_hash
-from glossbench.source_imports import Imported, source_of
+from glossbench.import_closure import find_source_files
+from glossbench.provenance import compute_code_hash, compute_source_hash
+from glossbench.source_imports import ImportedName, read_source
 from glossbench.source_tree import SourceTree
 
 FILES = {
@@ -31,7 +31,7 @@ def needs(tmp_path):
             file = tmp_path / "lab" / f"{name}.py"
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text)
-        closure = SourceTree("lab", tmp_path / "lab").closure([Imported("lab.first")])
+        closure = SourceTree("lab", tmp_path / "lab").find_closure([ImportedName("lab.first")])
         assert all(path.is_file() for path in closure.values())
         return {name.removeprefix("lab.") for name in closure} - {"first"}
 
@@ -78,9 +78,9 @@ def test_modules_that_import_each_other_are_found_once(needs, monkeypatch):
 
 
 def test_the_imports_of_glossbench_itself_are_read_without_its_package_running():
-    source = source_of(Path(source_tree.__file__), "glossbench")
+    source = read_source(Path(source_tree.__file__), "glossbench")
 
-    assert Imported("glossbench.source_imports", "Imported") in source.imports
+    assert ImportedName("glossbench.source_imports", "ImportedName") in source.imports
 
 
 PLUGIN = """
@@ -94,7 +94,7 @@ def test_a_plug_in_needs_what_it_takes_of_glossbench(tmp_path):
     file = tmp_path / "lab_of_mine.py"
     file.write_text(PLUGIN)
 
-    found = source_files("lab_of_mine", file)
+    found = find_source_files("lab_of_mine", file)
 
     assert found["lab_of_mine"] == file
     assert {"glossbench.prefilter.median_cut", "glossbench.shading.method", "glossbench.registry"} <= found.keys()
@@ -102,23 +102,23 @@ def test_a_plug_in_needs_what_it_takes_of_glossbench(tmp_path):
 
 
 def test_methods_of_a_checkout_are_found_where_they_lie():
-    closure = source_tree.GLOSSBENCH.closure([Imported("glossbench.methods.importance_sampling")])
+    closure = source_tree.GLOSSBENCH.find_closure([ImportedName("glossbench.methods.importance_sampling")])
 
     assert closure["glossbench.methods.importance_sampling"].parts[-2:] == ("methods", "importance_sampling.py")
 
 
 def test_another_version_of_torch_makes_another_hash(monkeypatch):
-    before = code_hash("glossbench.channels")
-    code_hash.cache_clear()
+    before = compute_code_hash("glossbench.channels")
+    compute_code_hash.cache_clear()
     monkeypatch.setattr("glossbench.provenance.version", lambda name: "9.9" if name == "torch" else "1.0")
 
     try:
-        assert code_hash("glossbench.channels") != before
+        assert compute_code_hash("glossbench.channels") != before
     finally:
-        code_hash.cache_clear()
+        compute_code_hash.cache_clear()
 
 
-def test_a_class_without_a_file_has_one_hash_a_process_and_shares_it_with_no_other():
+def test_a_class_without_a_file_has_one_hash_per_process_that_no_other_class_has():
     first, second = (type("Typed", (), {"__module__": "nowhere"}) for _ in range(2))
 
-    assert source_hash(first) == source_hash(first) != source_hash(second)
+    assert compute_source_hash(first) == compute_source_hash(first) != compute_source_hash(second)

@@ -17,7 +17,7 @@ def test_the_walk_sees_the_tests():
     assert {Path("test_tests.py"), Path("envmap/test_cubemap.py"), Path("oracles/z_scores.py")} <= SOURCES.keys()
 
 
-# What several tests trust stands in oracles: no test imports another.
+# What several tests use is in oracles: no test imports another.
 
 
 def imported_tests(source: str) -> set[str]:
@@ -52,28 +52,28 @@ def test_an_import_of_a_test_is_noticed(source):
 
 PLANTED = "a fault is planted where the project does this"
 ALLOWED = {
-    # Faults that are planted inside: no public name stands there.
+    # Faults that are planted inside, where no public name exists.
     "_balanced": PLANTED,
     "_classes": PLANTED,
-    "_all_blocks": PLANTED,
-    "_coefficients": PLANTED,
-    "_jacobian": PLANTED,
+    "_pair_all_blocks": PLANTED,
+    "_expand": PLANTED,
+    "_compute_jacobian": PLANTED,
     "_discovered": PLANTED,
-    "_fans": PLANTED,
-    "_hashable": PLANTED,
-    "_scanlines": PLANTED,
-    "_records": PLANTED,
+    "_mark_fans": PLANTED,
+    "_make_hashable": PLANTED,
+    "_decode_scanlines": PLANTED,
+    "_decode_records": PLANTED,
     "_shrinkage": PLANTED,
     "_axis": PLANTED,
     "_add_sun": PLANTED,
-    "_sun_disc": PLANTED,
+    "_place_sun_disc": PLANTED,
     "_PLAIN": PLANTED,
     # What is watched: how often something is done, which no result shows.
     "_round": "the rounds of a reference that is taken up again are counted",
-    "_level_0": "a map that is not needed is not made",
+    "_build_level_0": "a map that is not needed is not made",
     "_entries": "the cache holds one value, not copies of it",
     # What is stood in for.
-    "_lines": "a control group of the system, which a test cannot make",
+    "_read_lines": "a control group of the system, which a test cannot make",
     "_CGROUPS": "a control group of the system, which a test cannot make",
     "_BLOCK": "the size above which a file is read in parts, which would be gigabytes",
     "_this_thread": "what is put back is not put back, as in the thread of a plug-in",
@@ -88,12 +88,13 @@ ALLOWED = {
     "_CONVENTIONS": "every convention is tested, whichever there are",
     "_OZONE": "a table of the sky's paper, which the tests' own formula reads too",
     "_SOLAR": "a table of the sky's paper, which the tests' own formula reads too",
-    "_described": "the sums of given regions, without the cut that finds them",
-    "_rings": "the quadrature of a calibration, against the closed form",
+    "_describe_regions": "the sums of given regions, without the cut that finds them",
+    "_make_rings": "the quadrature of a calibration, against the closed form",
     # Reports, whose pictures take most of the time of a test of text.
-    "_plots": "no plots", "_images": "no images", "_flip": "a map is not made again", "_methods": "no methods",
-    "_templates": "past its cache", "_halves": "coded numbers", "_area_weights": PLANTED,
-    "_at": "the captions of plots, without setting a PDF", "_read": "no folder",
+    "_arrange_plots": "no plots", "_arrange_images": "no images", "_compute_flip": "a map is not made again",
+    "_describe_methods": "no methods",
+    "_load_templates": "past its cache", "_to_halves": "coded numbers", "_area_weights": PLANTED,
+    "_plot_at": "the captions of plots, without setting a PDF", "_read": "no folder",
     "_swept": "what a figure sweeps", "_compiler": "the typesetter's own words",
 }  # fmt: skip
 OF_NAMED_TUPLES = {"_replace", "_asdict", "_fields", "_make"}

@@ -1,4 +1,4 @@
-"""What is installed from a built wheel, without the tree beside it."""
+"""What is installed from a built wheel, without the source tree."""
 
 import os
 import shutil

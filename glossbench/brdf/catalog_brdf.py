@@ -4,7 +4,7 @@ from pathlib import Path
 
 from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.measured_file import FORMATS, MeasuredMaterial
-from glossbench.catalog.entries import entries, fetch_once
+from glossbench.catalog.entries import fetch_once, list_entries
 from glossbench.catalog.naming import register_entries
 
 
@@ -16,5 +16,5 @@ class CatalogBRDF(MeasuredMaterial):
         return fetch_once(self.name)
 
 
-_measured = [each for each in entries("brdf") if Path(each.file).suffix in FORMATS]
+_measured = [each for each in list_entries("brdf") if Path(each.file).suffix in FORMATS]
 register_entries(MATERIALS, CatalogBRDF, _measured, MeasuredMaterial)

@@ -39,7 +39,7 @@ class KurtLobe(Options):
     ks: Color = (1.0, 1.0, 1.0)
 
 
-def _lobes(value: Any) -> Any:
+def _read_lobes(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(KurtLobe.create(v) if isinstance(v, Mapping) else v for v in value)
     return value
@@ -70,15 +70,15 @@ class Kurt(Material):
     shadowing: Fraction = 0.0
     ks: Color = (1.0, 1.0, 1.0)
     kd: Color = (0.0, 0.0, 0.0)
-    lobes: Annotated[tuple[KurtLobe, ...], Field(max_length=MAX_LOBES), BeforeValidator(_lobes)] = ()
+    lobes: Annotated[tuple[KurtLobe, ...], Field(max_length=MAX_LOBES), BeforeValidator(_read_lobes)] = ()
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
         own = KurtLobe(m=self.m, f0=self.f0, shadowing=self.shadowing, ks=self.ks)
         diffuse = channels_unless_black(self.kd, device)
-        return Reflectance(diffuse, tuple(_lobe(lobe, device) for lobe in self.lobes or (own,)))
+        return Reflectance(diffuse, tuple(_build_lobe(lobe, device) for lobe in self.lobes or (own,)))
 
 
-def _lobe(lobe: KurtLobe, device: str) -> FreeShadowing:
+def _build_lobe(lobe: KurtLobe, device: str) -> FreeShadowing:
     m_x, m_y, shadowing = (scalar(v, device) for v in (*lobe.m, lobe.shadowing))
     return FreeShadowing((m_x, m_y), channels(lobe.ks, device), channels(lobe.f0, device), shadowing)

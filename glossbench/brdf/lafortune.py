@@ -14,13 +14,13 @@ from glossbench.options import Color, Finite, Options
 from glossbench.options import Radiance as Factor  # a scalar or RGB, not negative
 
 
-def _nonzero(value: tuple[float, float, float]) -> tuple[float, float, float]:
+def _check_nonzero(value: tuple[float, float, float]) -> tuple[float, float, float]:
     if not any(value):
         raise ValueError("must have a component other than 0")
     return value
 
 
-Diagonal = Annotated[tuple[Finite, Finite, Finite], AfterValidator(_nonzero)]
+Diagonal = Annotated[tuple[Finite, Finite, Finite], AfterValidator(_check_nonzero)]
 
 
 class LafortuneLobe(Options):
@@ -33,7 +33,7 @@ class LafortuneLobe(Options):
     ks: Factor = (1.0, 1.0, 1.0)
 
 
-def _lobe(value: Any) -> Any:
+def _read_lobe(value: Any) -> Any:
     return LafortuneLobe.create(value) if isinstance(value, Mapping) else value
 
 
@@ -64,12 +64,12 @@ class Lafortune(Material):
     ks: Factor = (1.0, 1.0, 1.0)
     kd: Color = (0.0, 0.0, 0.0)
     normalisation: Literal["albedo", "none"] = "albedo"
-    lobes: Annotated[tuple[Annotated[LafortuneLobe, BeforeValidator(_lobe)], ...], Field(max_length=16)] = ()
+    lobes: Annotated[tuple[Annotated[LafortuneLobe, BeforeValidator(_read_lobe)], ...], Field(max_length=16)] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.normalisation == "none":
-            for lobe in self._lobes():
+            for lobe in self._list_lobes():
                 # max|C|^s must fit into a float32, also multiplied by ks.
                 if lobe.s * log(max(map(abs, lobe.C))) > 69:
                     raise InputError(f"lafortune: max|C|^s must be below 1e30, got C = {lobe.C} and s = {lobe.s}")
@@ -77,12 +77,12 @@ class Lafortune(Material):
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
         diffuse = channels_unless_black(self.kd, device)
-        return Reflectance(diffuse, tuple(self._tensors(lobe, device) for lobe in self._lobes()))
+        return Reflectance(diffuse, tuple(self._build_lobe(lobe, device) for lobe in self._list_lobes()))
 
-    def _lobes(self) -> tuple[LafortuneLobe, ...]:
+    def _list_lobes(self) -> tuple[LafortuneLobe, ...]:
         return self.lobes or (LafortuneLobe(C=self.C, s=self.s, ks=self.ks),)
 
-    def _tensors(self, lobe: LafortuneLobe, device: str) -> CosineLobe:
+    def _build_lobe(self, lobe: LafortuneLobe, device: str) -> CosineLobe:
         bound = 1.0
         if self.normalisation == "none":
             bound = 2 * pi / (lobe.s + 2) * exp(lobe.s * log(max(map(abs, lobe.C))))

@@ -6,7 +6,7 @@ from math import pi
 import torch
 
 from glossbench.brdf.lobe import Lobe
-from glossbench.catalog.naming import kind_in_catalog
+from glossbench.catalog.naming import explain_catalog_name
 from glossbench.channels import Channels, add
 from glossbench.options import Options
 from glossbench.registry import Registry
@@ -84,4 +84,4 @@ class Material(Options):
         return total
 
 
-MATERIALS: Registry[Material] = Registry("material", "glossbench.brdf", "glossbench.brdfs", kind_in_catalog)
+MATERIALS: Registry[Material] = Registry("material", "glossbench.brdf", "glossbench.brdfs", explain_catalog_name)

@@ -13,13 +13,13 @@ from torch import Tensor
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.measured.cornell import read_cornell
 from glossbench.brdf.measured.fitting import Fit, fit_lobes
-from glossbench.brdf.measured.lobe import MeasuredLobe, Table, measured_lobe
+from glossbench.brdf.measured.lobe import MeasuredLobe, Table, build_measured_lobe
 from glossbench.brdf.measured.merl import read_merl
 from glossbench.brdf.measured.rgl import read_rgl
 from glossbench.catalog.locate import locate
 from glossbench.directions import Vec3, cosine_hemisphere, points_2d
 from glossbench.errors import InputError
-from glossbench.file_bytes import digest
+from glossbench.file_bytes import compute_file_digest
 from glossbench.process.surroundings import settled
 
 Format = Literal["cornell", "merl", "rgl"]
@@ -78,7 +78,7 @@ class MeasuredMaterial(Material):
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The table as a lobe."""
-        return Reflectance((), (self._measured(device)[0],))
+        return Reflectance((), (self._load_lobe(device)[0],))
 
     def as_lobes(self, device: str = "cpu") -> Reflectance:
         """The fit, or the table."""
@@ -93,13 +93,13 @@ class MeasuredMaterial(Material):
 
     def known(self, wo: Vec3, wi: Vec3) -> Tensor:
         """Whether f was measured there."""
-        return self._measured("cpu")[0].table.known(wo, wi) & (wo.z > 0) & (wi.z > 0)
+        return self._load_lobe("cpu")[0].table.known(wo, wi) & (wo.z > 0) & (wi.z > 0)
 
     def facts(self) -> MeasuredFacts:
         """Facts about the file, and the error of the fit."""
         a, b = (cosine_hemisphere(points_2d(1 << 16, kind)) for kind in ("hammersley", "r2"))
         share = float(self.known(a, b).double().mean())
-        return MeasuredFacts(self._read_as()[2], share, self._measured("cpu")[1], self.fit())
+        return MeasuredFacts(self._read_as()[2], share, self._load_lobe("cpu")[1], self.fit())
 
     def notes(self) -> tuple[str, ...]:
         """The facts in one line."""
@@ -121,10 +121,10 @@ class MeasuredMaterial(Material):
 
     def _read_as(self) -> tuple[Path, str, Format]:
         path = self.path()
-        return path, digest(path, "BRDF file", MAX_BYTES), self.format_of(path)
+        return path, compute_file_digest(path, "BRDF file", MAX_BYTES), self.format_of(path)
 
-    def _measured(self, device: str) -> tuple[MeasuredLobe, int]:
-        return _lobe(*self._read_as(), self.unknown == "black", device)
+    def _load_lobe(self, device: str) -> tuple[MeasuredLobe, int]:
+        return _read_lobe(*self._read_as(), self.unknown == "black", device)
 
 
 # Cached: every stage of every cell asks a material for its lobes, and reading a file takes seconds.
@@ -132,15 +132,15 @@ class MeasuredMaterial(Material):
 
 @lru_cache(maxsize=4)
 @settled()
-def _lobe(path: Path, content: str, format_: Format, known_only: bool, device: str) -> tuple[MeasuredLobe, int]:
+def _read_lobe(path: Path, content: str, format_: Format, known_only: bool, device: str) -> tuple[MeasuredLobe, int]:
     """The lobe of a file, and the number of its negative values."""
     try:
         table, n_negative = READERS[format_](path, device)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    if digest(path, "BRDF file", MAX_BYTES) != content:
+    if compute_file_digest(path, "BRDF file", MAX_BYTES) != content:
         raise InputError(f"{path}: was changed while it was read; run it again")
-    return measured_lobe(table, known_only, device), n_negative
+    return build_measured_lobe(table, known_only, device), n_negative
 
 
 @lru_cache(maxsize=16)
@@ -153,10 +153,10 @@ def _fit(
     model: Literal["kurt", "ward", "cosine_lobes"],
     n_lobes: int,
 ) -> Fit:
-    return fit_lobes(_lobe(path, digest, format_, known_only, "cpu")[0], model, n_lobes)
+    return fit_lobes(_read_lobe(path, digest, format_, known_only, "cpu")[0], model, n_lobes)
 
 
-def material_or_file(text: str) -> tuple[str, dict[str, Any]]:
+def resolve_material(text: str) -> tuple[str, dict[str, Any]]:
     """The material that one word means: a registered name, or the path of a measurement or of fits with its option."""
     of_file = {**dict.fromkeys(FORMATS, "measured"), ".fit": "ngan"}.get(Path(text).suffix.lower())
     return (of_file, {"file": text}) if of_file and text not in MATERIALS.names() else (text, {})

@@ -11,10 +11,10 @@ from glossbench.brdf.material import MATERIALS, MAX_LOBES, Material, Reflectance
 from glossbench.channels import Channels, add
 from glossbench.errors import InputError
 from glossbench.options import NonNegative
-from glossbench.provenance import source_hash
+from glossbench.provenance import compute_source_hash
 
 
-def _material(value: Any) -> Material:
+def _read_material(value: Any) -> Material:
     """A material as written in a study: a name, or one name with its options."""
     if isinstance(value, Material):
         return value
@@ -27,7 +27,7 @@ def _material(value: Any) -> Material:
     raise ValueError("must be a material's name, or one name with its options")
 
 
-def _spelled(material: Material) -> dict[str, Any]:
+def _spell(material: Material) -> dict[str, Any]:
     return {material.name: material.as_dict()}
 
 
@@ -41,7 +41,7 @@ class _Schema:
         return {"anyOf": [{"enum": MATERIALS.names()}, {**named, "additionalProperties": False}]}
 
 
-Summand = Annotated[Any, BeforeValidator(_material), PlainSerializer(_spelled), _Schema]
+Summand = Annotated[Any, BeforeValidator(_read_material), PlainSerializer(_spell), _Schema]
 
 
 @MATERIALS.register("sum")
@@ -64,36 +64,36 @@ class Sum(Material):
         if not self.of:
             raise InputError("sum.of needs at least one material")
         if self.weights and len(self.weights) != len(self.of):
-            raise InputError(f"sum.weights must be one a material, {len(self.of)}, got {len(self.weights)}")
+            raise InputError(f"sum.weights must have one weight per material, {len(self.of)}, got {len(self.weights)}")
         n_lobes = len(self.reflectance().lobes)
         if n_lobes > MAX_LOBES:
-            raise InputError(f"sum.of must have at most {MAX_LOBES} lobes together, got {n_lobes}")
+            raise InputError(f"sum.of must have at most {MAX_LOBES} lobes in total, got {n_lobes}")
 
     def key(self) -> str:
         """Keys of the materials, hashes of their source files (this file does not import them), and the weights."""
-        parts = [f"{material.key()} {source_hash(type(material))}" for material in self.of]
+        parts = [f"{material.key()} {compute_source_hash(type(material))}" for material in self.of]
         return f"{self.name}:{parts}:{list(self.weights)}"
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
-        return self._summed([material.reflectance(device) for material in self.of])
+        return self._sum_parts([material.reflectance(device) for material in self.of])
 
     def as_lobes(self, device: str = "cpu") -> Reflectance:
         """The sum of the lobes from which methods draw samples for each material."""
-        return self._summed([material.as_lobes(device) for material in self.of])
+        return self._sum_parts([material.as_lobes(device) for material in self.of])
 
     def notes(self) -> tuple[str, ...]:
         """The notes of the materials."""
         return tuple(note for material in self.of for note in material.notes())
 
-    def _summed(self, parts: list[Reflectance]) -> Reflectance:
+    def _sum_parts(self, parts: list[Reflectance]) -> Reflectance:
         diffuse: Channels = ()
         lobes = []
         for part, weight in zip(parts, self.weights or (1.0,) * len(parts), strict=True):
-            diffuse = add(diffuse, _scaled(part.diffuse, weight))
-            lobes += [replace(lobe, ks=_scaled(lobe.ks, weight)) for lobe in part.lobes]
+            diffuse = add(diffuse, _scale(part.diffuse, weight))
+            lobes += [replace(lobe, ks=_scale(lobe.ks, weight)) for lobe in part.lobes]
         return Reflectance(diffuse, tuple(lobes))
 
 
-def _scaled(channels: Channels, weight: float) -> Channels:
+def _scale(channels: Channels, weight: float) -> Channels:
     return tuple(channel * weight for channel in channels)

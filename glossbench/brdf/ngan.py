@@ -9,9 +9,9 @@ from glossbench.brdf.cook_torrance import CookTorrance
 from glossbench.brdf.lafortune import Lafortune
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.ward import Ward
-from glossbench.catalog.entries import entry, fetch_once
+from glossbench.catalog.entries import fetch_once, find_entry
 from glossbench.catalog.locate import locate
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError, suggest_nearest
 from glossbench.file_bytes import require_size
 from glossbench.process.surroundings import settled
 
@@ -58,39 +58,41 @@ class Ngan(Material):
         super().__post_init__()
         if self.file is None and self.model == "ward_duer":
             raise InputError("ngan.model 'ward_duer' needs a file: the catalogue has no table of it")
-        if self.file is not None or entry(self._entry()).local() is not None:  # before a run nothing is downloaded
-            self.fitted()
+        if (
+            self.file is not None or find_entry(self._find_entry()).find_local() is not None
+        ):  # before a run nothing is downloaded
+            self.build_fit()
 
     @classmethod
     def file_of(cls, option: str, value: str) -> str | None:
         """The table."""
         return "table of fits" if option == "file" else None
 
-    def fitted(self) -> Material:
+    def build_fit(self) -> Material:
         """The fit as a material of its model."""
         if self.file is None:
-            known = fits(fetch_once(self._entry()), self.model or "cook_torrance")
+            known = read_fits(fetch_once(self._find_entry()), self.model or "cook_torrance")
         else:
-            known = fits(locate(self.file, what="table of fits"), self.model)
+            known = read_fits(locate(self.file, what="table of fits"), self.model)
         if self.material not in known:
             where = "the tables have" if self.file is None else f"{self.file} has"
-            raise InputError(f"ngan.material: {where} no {self.material!r}{nearest(self.material, known)}")
+            raise InputError(f"ngan.material: {where} no {self.material!r}{suggest_nearest(self.material, known)}")
         return known[self.material]
 
     def reflectance(self, device: str = "cpu") -> Reflectance:
         """The model as tensors on a device."""
-        return self.fitted().reflectance(device)
+        return self.build_fit().reflectance(device)
 
     def key(self) -> str:
         """The key of the fit."""
-        return f"ngan:{self.fitted().key()}"
+        return f"ngan:{self.build_fit().key()}"
 
-    def _entry(self) -> str:
+    def _find_entry(self) -> str:
         """The catalogue's name of the table."""
         return f"ngan_{(self.model or 'cook_torrance').replace('_', '')}"
 
 
-def fits(path: Path, model: Model | None = None) -> dict[str, Material]:
+def read_fits(path: Path, model: Model | None = None) -> dict[str, Material]:
     """The materials of a table by name.
 
     Args:
@@ -101,17 +103,17 @@ def fits(path: Path, model: Model | None = None) -> dict[str, Material]:
     """
     require_size(path, "table of fits", MAX_BYTES)
     stat = path.stat()
-    return _fits(path, stat.st_size, stat.st_mtime_ns, model)
+    return _read_fits(path, stat.st_size, stat.st_mtime_ns, model)
 
 
 @lru_cache(maxsize=6)
 @settled()
-def _fits(path: Path, size: int, time: int, model: Model | None) -> dict[str, Material]:
+def _read_fits(path: Path, size: int, time: int, model: Model | None) -> dict[str, Material]:
     found: dict[str, Material] = {}
     try:
         lines = [line.partition("#")[0] for line in path.read_text(encoding="utf-8-sig").splitlines()]
     except ValueError:
-        raise InputError(f"{path}: no table of fits: holds more than plain text") from None
+        raise InputError(f"{path}: not a table of fits: it holds more than plain text") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     for i, line in enumerate(lines, 1):
@@ -124,32 +126,32 @@ def _fits(path: Path, size: int, time: int, model: Model | None) -> dict[str, Ma
                 raise InputError(f"{path}:{i}: {name!r} is in the table twice")
             found[name] = fit
     if not found:
-        raise InputError(f"{path}: no table of fits: it is empty")
+        raise InputError(f"{path}: not a table of fits: it is empty")
     return found
 
 
 def _fit(line: str, wanted: Model | None) -> tuple[str, Material]:
     """Name and material of a line."""
-    no_fit = f"no {f'{wanted} ' if wanted else ''}fit"
+    no_fit = f"not a fit{f' of {wanted}' if wanted else ''}"
     match = LINE.fullmatch(BLANKS.sub(r"\1", line))
     if match is None:
         raise InputError(f"{no_fit}: {line[:60]!r}")
     name, *kd, stated, options = match.groups()
     if stated not in MODELS:
-        raise InputError(f"{no_fit}: {stated} is a model that is not here; here are {', '.join(MODELS)}")
+        raise InputError(f"{no_fit}: unknown model {stated}; known: {', '.join(MODELS)}")
     model, wants = MODELS[stated]
     if wanted not in (None, model):
-        raise InputError(f"{no_fit}, but one of {model}")
+        raise InputError(f"{no_fit}: it is a fit of {model}")
     numbers: dict[str, Any] = {}
     for option in re.findall(OPTION, options):
         key, _, value = option.partition("=")
         numbers[key] = tuple(map(float, re.findall(NUMBER, value)))
     if {key: len(value) for key, value in numbers.items()} != {key: 3 if key == "albedo" else 1 for key in wants}:
         raise InputError(f"{no_fit}: {stated} needs {', '.join(wants)}, got {', '.join(numbers)}")
-    return name, _material(model, tuple(map(float, kd)), **numbers)
+    return name, _build_material(model, tuple(map(float, kd)), **numbers)
 
 
-def _material(model: Model, kd: Any, albedo: Any, **numbers: Any) -> Material:
+def _build_material(model: Model, kd: Any, albedo: Any, **numbers: Any) -> Material:
     of = {key: value[0] for key, value in numbers.items()}
     if model == "cook_torrance":
         return CookTorrance(m=(of["roughness"],) * 2, f0=(of["eta"],) * 3, factor="1/pi", ks=albedo, kd=kd)

@@ -40,15 +40,15 @@ def download(url: str, target: Path, sha256: str, size: int, progress: Callable[
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(target.parent / ".lock"):
-            if _sha256(target) != sha256:
+            if _hash_file(target) != sha256:
                 if not part.exists() or part.stat().st_size != size:
                     _receive(url, part, size, progress)
-                if _sha256(part) != sha256:
+                if _hash_file(part) != sha256:
                     part.unlink()
-                    raise InputError(f"{url} is not the file of the catalogue: its sha256 is another; nothing is kept")
+                    raise InputError(f"{url} is not the file of the catalogue: its sha256 differs; nothing is kept")
                 os.replace(part, target)
     except requests.RequestException as error:
-        raise InputError(f"cannot reach {host(url)}: {_reason(error)}; {_by_hand(target)}") from None
+        raise InputError(f"cannot reach {host(url)}: {_find_reason(error)}; {_suggest_by_hand(target)}") from None
     except OSError as error:
         raise InputError(f"cannot write to {target.parent}: {error.strerror or error}") from None
     return target
@@ -72,7 +72,7 @@ def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -
             return _receive(url, part, size, progress)
         if not answer.ok:
             status = f"{answer.status_code} {answer.reason}"
-            raise InputError(f"{host(url)} answers {status} for {url}; {_by_hand(part.with_suffix(''))}")
+            raise InputError(f"{host(url)} answers {status} for {url}; {_suggest_by_hand(part.with_suffix(''))}")
         continued = answer.headers.get("Content-Range", "").startswith(f"bytes {have}-")
         if not (answer.status_code == 206 and continued):
             have = 0
@@ -90,7 +90,7 @@ def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -
                     if (seconds := time.monotonic() - since) >= PATIENCE:
                         if have - before < SLOWEST * seconds:
                             raise InputError(
-                                f"{host(url)} is given up: it sent {have - before} bytes in {seconds:.0f} s, and the "
+                                f"{host(url)} is too slow: it sent {have - before} bytes in {seconds:.0f} s, and the "
                                 f"file has {size}; the same command goes on from there"
                             )
                         since, before = time.monotonic(), have
@@ -100,18 +100,18 @@ def _receive(url: str, part: Path, size: int, progress: Callable[[int], None]) -
         raise InputError(f"{host(url)} broke off after {have} of {size} bytes; the same command goes on from there")
 
 
-def _sha256(path: Path) -> str | None:
+def _hash_file(path: Path) -> str | None:
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
 
 
-def _by_hand(target: Path) -> str:
+def _suggest_by_hand(target: Path) -> str:
     return (
         f"the file may be put into {target.parent} as {target.name} by hand, or a folder that has it named by "
         f"{DATA_VARIABLE}"
     )
 
 
-def _reason(error: requests.RequestException) -> str:
+def _find_reason(error: requests.RequestException) -> str:
     """The innermost cause in a few words: requests wraps it in errors of the libraries that it uses."""
     if isinstance(error, requests.Timeout):
         return "no answer in time"

@@ -11,8 +11,8 @@ from typing import Any
 
 import yaml
 
-from glossbench.catalog.folders import cache_folder, data_folders
-from glossbench.errors import InputError, nearest
+from glossbench.catalog.folders import cache_folder, find_data_folders
+from glossbench.errors import InputError, suggest_nearest
 
 KINDS = {"environment": "an environment", "brdf": "a measured or fitted BRDF", "mesh": "a mesh"}
 
@@ -43,39 +43,39 @@ class Entry:
     stresses: str
     reading: dict[str, Any] = field(default_factory=dict)
 
-    def local(self) -> Path | None:
+    def find_local(self) -> Path | None:
         """The file if it is below GLOSSBENCH_DATA or was fetched before, and its hash is right; otherwise None."""
-        for folder in data_folders():
+        for folder in find_data_folders():
             for path in sorted(folder.rglob(self.file)):
                 if path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == self.sha256:
                     return path
         return None
 
 
-def entries(kind: str | None = None) -> list[Entry]:
+def list_entries(kind: str | None = None) -> list[Entry]:
     """All entries of the catalogue, or those of one kind."""
     if kind is not None and kind not in KINDS:
-        raise InputError(f"unknown kind {kind!r}{nearest(kind, KINDS)}")
+        raise InputError(f"unknown kind {kind!r}{suggest_nearest(kind, KINDS)}")
     text = (files("glossbench.data") / "catalog.yaml").read_text(encoding="utf-8")
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C loader, if it was built, is seven times as fast
     return [Entry(**item) for item in yaml.load(text, loader) if kind in (None, item["kind"])]
 
 
-def entry(name: str) -> Entry:
+def find_entry(name: str) -> Entry:
     """The entry of a name; an unknown name raises InputError with the nearest name."""
-    known = {e.name: e for e in entries()}
+    known = {e.name: e for e in list_entries()}
     if name not in known:
-        raise InputError(f"the catalogue has no {name!r}{nearest(name, known)}")
+        raise InputError(f"the catalogue has no {name!r}{suggest_nearest(name, known)}")
     return known[name]
 
 
 def fetch_once(name: str) -> Path:
     """`fetch` for repeated calls: the file is searched and verified once per process."""
-    return _fetched(name, tuple(data_folders()))
+    return _fetch_from(name, tuple(find_data_folders()))
 
 
 @lru_cache(maxsize=64)
-def _fetched(name: str, folders: tuple[Path, ...]) -> Path:
+def _fetch_from(name: str, folders: tuple[Path, ...]) -> Path:
     return fetch(name)
 
 
@@ -88,8 +88,8 @@ def fetch(name: str, progress: Callable[[int], None] = lambda n: None) -> Path:
     Raises:
         InputError: the name is unknown, the network fails, or the hash of the bytes is not the catalogue's.
     """
-    wanted = entry(name)
-    here = wanted.local()
+    wanted = find_entry(name)
+    here = wanted.find_local()
     if here is not None:
         return here
     from glossbench.catalog.download import download, host  # imported here: a file found above does not need them

@@ -13,7 +13,7 @@ def cache_folder() -> Path:
     return user_cache_path("glossbench")
 
 
-def data_folders() -> list[Path]:
+def find_data_folders() -> list[Path]:
     """The existing folders of public files: the one that GLOSSBENCH_DATA names, then the folder of fetched files."""
     named = os.environ.get(DATA_VARIABLE)
     return [folder for folder in ([Path(named)] if named else []) + [cache_folder()] if folder.is_dir()]

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from glossbench.catalog.folders import DATA_VARIABLE, data_folders
+from glossbench.catalog.folders import DATA_VARIABLE, find_data_folders
 from glossbench.errors import InputError
 
 
@@ -17,10 +17,10 @@ def locate(file: str, beside: Path | None = None, what: str = "image file") -> P
     for place in [Path(file), *([beside / file] if beside else [])]:
         if os.path.isfile(place):  # for a name that is too long it returns False; Path.is_file raises an error
             return place
-    for data in [] if Path(file).is_absolute() else data_folders():
+    for data in [] if Path(file).is_absolute() else find_data_folders():
         matching = [p for p in sorted(data.rglob("*")) if p.as_posix().endswith(f"/{file}") and p.is_file()]
         if matching:
             return matching[0]
     tried = dict.fromkeys([Path.cwd(), *([beside] if beside else [])])
-    where = f"not below {DATA_VARIABLE}={folder}" if folder else f"and {DATA_VARIABLE} names no folder of data"
-    raise InputError(f"no {what} {file!r}: not in {' or '.join(map(str, tried))} {where}")
+    where = f", nor below {DATA_VARIABLE}={folder}" if folder else f", and {DATA_VARIABLE} is not set"
+    raise InputError(f"no {what} {file!r}: not in {' or '.join(map(str, tried))}{where}")

@@ -3,17 +3,19 @@
 from collections.abc import Iterable
 from typing import TypeVar
 
-from glossbench.catalog.entries import KINDS, Entry, entries
-from glossbench.documentation import documentation
+from glossbench.catalog.entries import KINDS, Entry, list_entries
+from glossbench.documentation import read_documentation
 from glossbench.options import Options
 from glossbench.registry import Registry
 
 T = TypeVar("T", bound=Options)
 
 
-def kind_in_catalog(name: str) -> str:
+def explain_catalog_name(name: str) -> str:
     """The end of an error message if the catalogue has this name as another kind of thing, else an empty string."""
-    return next((f"; the catalogue has {KINDS[each.kind]} of this name" for each in entries() if each.name == name), "")
+    return next(
+        (f"; the catalogue has {KINDS[each.kind]} of this name" for each in list_entries() if each.name == name), ""
+    )
 
 
 def register_entries(registry: Registry[T], base: type[T], stated: Iterable[Entry], documented: type[T]) -> None:
@@ -22,7 +24,7 @@ def register_entries(registry: Registry[T], base: type[T], stated: Iterable[Entr
     Args:
         documented: the class whose docstring describes the options, after its first paragraph.
     """
-    options = documentation(documented).partition("\n\n")[2]
+    options = read_documentation(documented).partition("\n\n")[2]
     for each in stated:
         about = f"{each.stresses[0].upper()}{each.stresses[1:]}: {each.file} of the catalogue.\n\n{options}"
         members = {"__doc__": about, "__module__": base.__module__, "__qualname__": each.name}

@@ -19,7 +19,7 @@ from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Spots
 from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, weighted_radiance
 from glossbench.prefilter.filtered_samples import filtered_samples
-from glossbench.prefilter.light_shadows import variance_shadow_maps
+from glossbench.prefilter.light_shadows import build_variance_shadow_maps
 from glossbench.prefilter.lighting_function import sample_lighting_function, texel_weights
 from glossbench.prefilter.median_cut import median_cut
 from glossbench.scene.points import ShadingPoints
@@ -27,7 +27,7 @@ from glossbench.scene.shapes import cloth
 from glossbench.scene.sphere import Sphere
 from glossbench.scene.virtual_cube import pair_points, valid_pairs, virtual_directions
 from glossbench.shading.kernels import can_fuse, over_points
-from glossbench.shading.method import METHODS, stages_of
+from glossbench.shading.method import METHODS, order_stages
 from glossbench.truth.reference import ReferenceMethod, compute_reference
 
 SAMPLES, CUBE, VIEW, REGIONS = 32, 256, 128, 64
@@ -45,20 +45,20 @@ class Line:
 def measure(tell: Callable[[str], None]) -> list[Line]:
     """All measurements, in a minute or two; `tell` is called with the name of each before it begins."""
     tell("shading kernel")
-    lines = _kernel_lines()
+    lines = _measure_kernels()
     tell("sampling the lighting function")
-    lines += _lighting_lines()
+    lines += _measure_lighting()
     tell("reference")
-    lines += _reference_lines()
+    lines += _measure_references()
     tell("pyramids of a 1024 cube")
-    lines += _pyramid_lines(1024)
+    lines += _measure_pyramid(1024)
     tell(f"{REGIONS} partial maps of a {CUBE} cube, and their shadow maps")
-    lines += _partial_map_lines()
+    lines += _measure_partial_maps()
     tell("peak memory of a 512^2 sphere at 270 samples")
-    return [*lines, _memory_line()]
+    return [*lines, _measure_memory()]
 
 
-def _kernel_lines() -> list[Line]:
+def _measure_kernels() -> list[Line]:
     points = Sphere(resolution=VIEW).points()
     pyramid = build_pyramid(Spots(resolution=CUBE).cubemap(), "box")
     lobe = Kurt(m=(0.15, 0.15)).reflectance().lobes[0]
@@ -66,26 +66,26 @@ def _kernel_lines() -> list[Line]:
     level = torch.tensor(-2.5)
     arguments = (lobe, samples, pyramid, level)
     pairs = len(points) * SAMPLES
-    plain = _rate(lambda: _straightforward(points, lobe, samples, pyramid, level), pairs)
-    eager = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments, fuse=False), pairs)
+    plain = _measure_rate(lambda: _sum_directly(points, lobe, samples, pyramid, level), pairs)
+    eager = _measure_rate(lambda: over_points(_sum_filtered, points, SAMPLES, *arguments, fuse=False), pairs)
     what = f"filtered importance sampling, {SAMPLES} samples, {CUBE} cube, {VIEW}^2 sphere"
     lines = [
         Line(f"{what}: straightforward eager", f"{plain:.1f} M samples/s", "1"),
         Line(f"{what}: chunked eager", f"{eager:.1f} M samples/s", f"{eager / plain:.1f}"),
     ]
     if can_fuse():
-        fused = _rate(lambda: over_points(_filtered, points, SAMPLES, *arguments, fuse=True), pairs)
+        fused = _measure_rate(lambda: over_points(_sum_filtered, points, SAMPLES, *arguments, fuse=True), pairs)
         lines.append(Line(f"{what}: fused", f"{fused:.1f} M samples/s", f"{fused / plain:.1f}"))
     return lines
 
 
-def _filtered(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
+def _sum_filtered(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
     """Filtered samples of an unoccluded light."""
     _, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
     return weighted_radiance(pyramid, d, lod, weight)
 
 
-def _straightforward(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
+def _sum_directly(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: Pyramid, level: Tensor) -> Tensor:
     """The same sum as a textbook writes it: (P, N, 3) tensors, one gather per tap, no chunks."""
     columns = points.columns(0, len(points))
     wi, pdf, weight = lobe.sample(columns.wo_local(), samples)
@@ -100,46 +100,48 @@ def _straightforward(points: ShadingPoints, lobe: Lobe, samples: Any, pyramid: P
     return (radiance * weight[0][..., None]).sum(dim=1)
 
 
-def _lighting_lines() -> list[Line]:
+def _measure_lighting() -> list[Line]:
     """Terms f L g cos per second, for a virtual cube of 8, a light of 32: one by one, and by the cube's rotations."""
     light, material = Spots(resolution=32).cubemap(), CookTorrance(m=(0.3, 0.3), f0=(0.95, 0.64, 0.54))
     normals = torch.arange(0, 384, 48)
     terms = len(valid_pairs(8)) * 6 * 32**2
-    plain = _rate(lambda: [_term_by_term(light, material, 8, int(n)) for n in normals], terms * len(normals) // 384, 1)
-    ours = _rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=False), terms, 1)
+    plain = _measure_rate(
+        lambda: [_sum_term_by_term(light, material, 8, int(n)) for n in normals], terms * len(normals) // 384, 1
+    )
+    ours = _measure_rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=False), terms, 1)
     what = "lighting function, Cook-Torrance, virtual cube of 8, light of 32"
     lines = [
         Line(f"{what}: term by term, eager", f"{plain:.1f} M terms/s", "1"),
         Line(f"{what}: one normal for 24, eager", f"{ours:.1f} M terms/s", f"{ours / plain:.1f}"),
     ]
     if can_fuse():
-        fused = _rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=True), terms, 1)
+        fused = _measure_rate(lambda: sample_lighting_function(light, material, 8, 32, fuse=True), terms, 1)
         lines.append(Line(f"{what}: one normal for 24, fused", f"{fused:.1f} M terms/s", f"{fused / plain:.1f}"))
     return lines
 
 
-def _reference_lines() -> list[Line]:
+def _measure_references() -> list[Line]:
     """The reference by sampling and as a sum, to the same stated error, and the sum to a much smaller one."""
     light, material, view = Spots(resolution=CUBE).cubemap(), Kurt(m=(0.15, 0.15)), Sphere(resolution=32)
     seconds: list[float] = []
     lines = []
     runs: list[tuple[ReferenceMethod, float]] = [("sampling", 1e-2), ("summation", 1e-2), ("summation", 1e-4)]
     for method, error in runs:
-        seconds.append(_seconds(partial(compute_reference, light, material, view, error, method=method), 1))
+        seconds.append(_measure_seconds(partial(compute_reference, light, material, view, error, method=method), 1))
         what = f"reference, Beckmann 0.15, {CUBE} cube, 32^2 sphere, {method} to {100 * error:g} %"
         lines.append(Line(what, f"{seconds[-1]:.2f} s", f"{seconds[-1] / seconds[0]:.3f}"))
     return lines
 
 
-def _seen(edge: int, normal: int) -> Tensor:
+def _find_seen_views(edge: int, normal: int) -> Tensor:
     """Indices of the views above the horizon of a normal."""
     pairs = valid_pairs(edge)
     return pairs[pairs[:, 0] == normal, 1]
 
 
-def _term_by_term(light: CubeMap, material: CookTorrance, edge: int, normal: int) -> Tensor:
+def _sum_term_by_term(light: CubeMap, material: CookTorrance, edge: int, normal: int) -> Tensor:
     """Lo of one normal and all its views as a textbook computes it: over all texels, with f evaluated for each pair."""
-    views = _seen(edge, normal)
+    views = _find_seen_views(edge, normal)
     points = pair_points(edge, torch.stack([torch.full_like(views, normal), views], 1)).columns(0, len(views))
     texels = vec3(virtual_directions(light.resolution).float()[None])
     wi = to_local(texels, points.t, points.b, points.n)
@@ -148,12 +150,12 @@ def _term_by_term(light: CubeMap, material: CookTorrance, edge: int, normal: int
     return (values * light.faces.reshape(-1, 3)).sum(1)
 
 
-def _rate(work: Callable[[], Any], pairs: int, repeats: int = 10) -> float:
+def _measure_rate(work: Callable[[], Any], pairs: int, repeats: int = 10) -> float:
     """Million point-sample pairs per second, in the fastest of the repeats after a warm-up run."""
-    return pairs / _seconds(work, repeats) / 1e6
+    return pairs / _measure_seconds(work, repeats) / 1e6
 
 
-def _seconds(work: Callable[[], Any], repeats: int) -> float:
+def _measure_seconds(work: Callable[[], Any], repeats: int) -> float:
     work()
     best = float("inf")
     for _ in range(repeats):
@@ -163,37 +165,37 @@ def _seconds(work: Callable[[], Any], repeats: int) -> float:
     return best
 
 
-def _pyramid_lines(resolution: int) -> list[Line]:
+def _measure_pyramid(resolution: int) -> list[Line]:
     light = Spots(resolution=resolution).cubemap()
-    copy = _seconds(light.faces.clone, 10)
+    copy = _measure_seconds(light.faces.clone, 10)
     lines = [Line(f"copy of a {resolution} cube", f"{1000 * copy:.1f} ms", "1")]
     for mip_filter in FILTERS:
-        seconds = _seconds(lambda: build_pyramid(light, mip_filter), 5)  # type: ignore[arg-type]  # noqa: B023
+        seconds = _measure_seconds(lambda: build_pyramid(light, mip_filter), 5)  # type: ignore[arg-type]  # noqa: B023
         lines.append(Line(f"{mip_filter} pyramid of it", f"{1000 * seconds:.1f} ms", f"{seconds / copy:.1f}"))
     return lines
 
 
-def _partial_map_lines() -> list[Line]:
+def _measure_partial_maps() -> list[Line]:
     """The maps of 64 regions, compared with plain pyramids of 64 whole cubes; and the shadow maps of the regions."""
     light = Spots(resolution=CUBE).cubemap()
     regions = median_cut(light, REGIONS)
-    plain = REGIONS * _seconds(lambda: build_pyramid(light, "box"), 5)
+    plain = REGIONS * _measure_seconds(lambda: build_pyramid(light, "box"), 5)
     lines = [Line(f"{REGIONS} box pyramids of a {CUBE} cube", f"{plain:.2f} s", "1")]
-    for name, storage, maps in _map_stages():
-        seconds = _seconds(lambda: maps(light, regions), 1)  # noqa: B023
+    for name, storage, maps in _find_map_stages():
+        seconds = _measure_seconds(lambda: maps(light, regions), 1)  # noqa: B023
         lines.append(Line(f"{REGIONS} maps of {name}, {storage}", f"{seconds:.2f} s", f"{seconds / plain:.1f}"))
     mesh = cloth(rows=187)
-    seconds = _seconds(lambda: variance_shadow_maps(mesh, regions.direction, regions.solid_angle), 1)
+    seconds = _measure_seconds(lambda: build_variance_shadow_maps(mesh, regions.direction, regions.solid_angle), 1)
     return [*lines, Line(f"{REGIONS} shadow maps of 256^2, a mesh of {len(mesh.faces)} triangles", f"{seconds:.2f} s")]
 
 
-def _map_stages() -> Iterator[tuple[str, str, Callable[..., Any]]]:
+def _find_map_stages() -> Iterator[tuple[str, str, Callable[..., Any]]]:
     """(method, storage, stage `maps`) for each method that offers several storages of partial maps."""
     for cls in map(METHODS.get, METHODS.names()):
         storage = {each.name: each.type for each in fields(cls)}.get("storage")
         for value in get_args(storage):
             method = cls.create({"storage": value, "regions": REGIONS, "mip_filter": "sqrt_cosine"})
-            yield cls.name, value, partial(stages_of(cls)["maps"].function, method)
+            yield cls.name, value, partial(order_stages(cls)["maps"].function, method)
 
 
 def shade_large() -> Tensor:
@@ -201,10 +203,10 @@ def shade_large() -> Tensor:
     points, pyramid = Sphere(resolution=512).points(), build_pyramid(Spots().cubemap(), "gauss6")
     lobe = Kurt(m=(0.15, 0.15)).reflectance().lobes[0]
     samples = lobe.sample_points(points_2d(270))
-    return over_points(_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0), fuse=False)
+    return over_points(_sum_filtered, points, 270, lobe, samples, pyramid, torch.tensor(-4.0), fuse=False)
 
 
-# Runs in a process of its own, so that the peak is that of this work alone.
+# Runs in a separate process, so that the peak is that of this work alone.
 _MEMORY_PROBE = """
 import resource, sys
 from glossbench.commands.bench import shade_large
@@ -214,7 +216,7 @@ print(peak / (1024**2 if sys.platform == "darwin" else 1024))
 """
 
 
-def _memory_line() -> Line:
+def _measure_memory() -> Line:
     what = "peak memory of a process that shades a 512^2 sphere at 270 samples under a 1024 cube"
     try:
         done = subprocess.run([sys.executable, "-c", _MEMORY_PROBE], capture_output=True, text=True, check=True)

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from glossbench.commands import completion, data
 from glossbench.commands.arguments import StudyArgument
-from glossbench.commands.consoles import one_line, open_streams
+from glossbench.commands.consoles import escape_controls, open_streams
 from glossbench.commands.figure import figure
 from glossbench.commands.findings import findings
 from glossbench.commands.info import info
@@ -65,25 +65,25 @@ def main() -> None:
 
 
 def _end(code: int, line: str) -> NoReturn:
-    err.print(one_line(line), style="red", soft_wrap=True)
+    err.print(escape_controls(line), style="red", soft_wrap=True)
     leave(code)
     sys.exit(code)
 
 
-class _Printed(logging.Handler):
+class _PrintingHandler(logging.Handler):
     """Prints the log records of the package as lines on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        err.print(one_line(record.getMessage()), style="yellow", soft_wrap=True)
+        err.print(escape_controls(record.getMessage()), style="yellow", soft_wrap=True)
 
 
-_printed = _Printed()
+_printed = _PrintingHandler()
 
 
 def _print_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
 ) -> None:
-    err.print(one_line(f"warning: {message} ({filename}, line {lineno})"), style="yellow", soft_wrap=True)
+    err.print(escape_controls(f"warning: {message} ({filename}, line {lineno})"), style="yellow", soft_wrap=True)
 
 
 def _print_version(wanted: bool) -> None:
@@ -108,12 +108,12 @@ app.command()(report)
 @app.command()
 def validate(study: StudyArgument) -> None:
     """Check a study without running it."""
-    from glossbench.study.describe import described, in_one_line
-    from glossbench.study.study import study_with_forms
+    from glossbench.study.describe import describe_contents, summarize_study
+    from glossbench.study.study import load_study_with_forms
 
-    loaded, forms = study_with_forms(study, open_files=True)
-    say(in_one_line(loaded))
-    print_rows(described(loaded, forms))
+    loaded, forms = load_study_with_forms(study, open_files=True)
+    say(summarize_study(loaded))
+    print_rows(describe_contents(loaded, forms))
 
 
 @app.command()
@@ -166,7 +166,7 @@ def bench() -> None:
 @app.command(name="sys-info")
 def sys_info() -> None:
     """Print versions and hardware, for bug reports."""
-    from glossbench.provenance import system_information
+    from glossbench.provenance import collect_system_information
 
-    for key, value in system_information().items():
+    for key, value in collect_system_information().items():
         say(f"{key}: {value}")

@@ -6,8 +6,8 @@ from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
 
-from glossbench.catalog.entries import entries
-from glossbench.study.installed import study_files
+from glossbench.catalog.entries import list_entries
+from glossbench.study.study_files import find_study_files
 
 _REGISTERED = re.compile(r'^@([A-Z]+)S\.register\("(\w+)"\)', re.MULTILINE)
 _GROUPS = {
@@ -20,7 +20,7 @@ _GROUPS = {
 }
 
 
-def registered(kind: str | None = None) -> list[str]:
+def list_registered(kind: str | None = None) -> list[str]:
     """Names of one kind, or of all kinds, that the source of the package registers or that entry points declare.
 
     For an entry point its name is used, without a look into its module: a module has the name of its method.
@@ -34,16 +34,20 @@ def registered(kind: str | None = None) -> list[str]:
     return sorted(found)
 
 
-def beginning(names: Callable[[], list[str]]) -> Callable[[str], list[str]]:
+def complete_from(names: Callable[[], list[str]]) -> Callable[[str], list[str]]:
     """A completion function for typer: the names that begin with the typed text. If none does, shells offer files."""
     return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
 
 
-studies = beginning(lambda: list(study_files()))
-methods = beginning(lambda: registered("method"))
-lights = beginning(lambda: sorted({*registered("light"), *(e.name for e in entries("environment"))} - {"file"}))
-catalogue = beginning(lambda: [entry.name for entry in entries()])
-results = beginning(lambda: sorted(str(path.parent) for path in Path("results").glob("*/cells.parquet")))
-reports = beginning(lambda: sorted(entry_points(group="glossbench.reports").names))
-figures = beginning(lambda: registered("figure"))
-everything = beginning(lambda: sorted({*registered(), *study_files(), *(entry.name for entry in entries())}))
+studies = complete_from(lambda: list(find_study_files()))
+methods = complete_from(lambda: list_registered("method"))
+lights = complete_from(
+    lambda: sorted({*list_registered("light"), *(e.name for e in list_entries("environment"))} - {"file"})
+)
+catalogue = complete_from(lambda: [entry.name for entry in list_entries()])
+results = complete_from(lambda: sorted(str(path.parent) for path in Path("results").glob("*/cells.parquet")))
+reports = complete_from(lambda: sorted(entry_points(group="glossbench.reports").names))
+figures = complete_from(lambda: list_registered("figure"))
+everything = complete_from(
+    lambda: sorted({*list_registered(), *find_study_files(), *(entry.name for entry in list_entries())})
+)

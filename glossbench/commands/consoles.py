@@ -22,7 +22,7 @@ _ESCAPES_IN_LINES = {code: escape for code, escape in _ESCAPES.items() if chr(co
 _SPELLED = {"−": "-", "–": "-", "—": "-", "≤": "<=", "≥": ">=", "×": "x", "·": "*", "…": "...", "’": "'", "²": "^2"}
 
 
-def one_line(text: str) -> str:
+def escape_controls(text: str) -> str:
     """The text with line ends and control characters shown as escapes."""
     return text.translate(_ESCAPES)
 
@@ -61,7 +61,7 @@ def open_streams() -> None:
             stream.reconfigure(errors="glossbench")
 
 
-def _spelled_out(error: UnicodeError) -> tuple[str, int]:
+def _spell_out(error: UnicodeError) -> tuple[str, int]:
     """The replacement for characters that an encoding does not have."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
@@ -69,4 +69,4 @@ def _spelled_out(error: UnicodeError) -> tuple[str, int]:
     return "".join(_SPELLED.get(c) or c.encode("ascii", "backslashreplace").decode() for c in missing), error.end
 
 
-codecs.register_error("glossbench", _spelled_out)
+codecs.register_error("glossbench", _spell_out)

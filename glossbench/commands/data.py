@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from glossbench.catalog.entries import entries, entry, fetch
+from glossbench.catalog.entries import fetch, find_entry, list_entries
 from glossbench.commands.completion import catalogue
 from glossbench.commands.printing import err, out, say, say_lines
 from glossbench.errors import InputError
@@ -19,12 +19,12 @@ Kind = Annotated[str | None, typer.Option(help="Only this kind: environment, brd
 
 
 @app.command(name="list")
-def list_entries(
+def print_entries(
     kind: Kind = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all information as JSON.")] = False,
 ) -> None:
     """List the public inputs: what each one stresses, its size, and its folder if it has been fetched."""
-    stated = [(one, one.local()) for one in entries(kind)]
+    stated = [(one, one.find_local()) for one in list_entries(kind)]
     if as_json:
         say_lines(dumps([asdict(one) | {"local": str(path) if path else None} for one, path in stated], indent=2))
         return
@@ -48,22 +48,22 @@ def fetch_entries(
     kind: Kind = None,
 ) -> None:
     """Download public inputs and verify their hashes; an interrupted download continues where it stopped."""
-    wanted = list(dict.fromkeys(entry(name).name for name in names or []))
+    wanted = list(dict.fromkeys(find_entry(name).name for name in names or []))
     if every or kind:
         if wanted:
             raise InputError("data fetch takes names, or --all, or --kind, not both")
-        wanted = [one.name for one in entries(kind)]
+        wanted = [one.name for one in list_entries(kind)]
     if not wanted:
         raise InputError("data fetch needs a name of `glossbench data list`, --all or --kind")
     for name in wanted:
-        say(str(_fetched(name)))
+        say(str(_fetch_with_progress(name)))
 
 
-def _fetched(name: str) -> Path:
+def _fetch_with_progress(name: str) -> Path:
     """Fetch the file of a name; a terminal shows a progress bar."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn(), TransferSpeedColumn())
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task(name, total=entry(name).bytes)
+        task = bar.add_task(name, total=find_entry(name).bytes)
         return fetch(name, lambda n: bar.update(task, completed=n))

@@ -8,8 +8,8 @@ import typer
 from glossbench.commands.completion import figures as figure_names
 from glossbench.commands.completion import results as result_folders
 from glossbench.commands.printing import note, print_rows, say
-from glossbench.documentation import first_line
-from glossbench.errors import InputError, nearest
+from glossbench.documentation import read_first_line
+from glossbench.errors import InputError, suggest_nearest
 
 
 def figure(
@@ -41,15 +41,20 @@ def figure(
 
     opened = Results.open(results)
     if name is None:
-        print_rows({key: first_line(FIGURES.get(key)) for key in FIGURES.names()})
+        print_rows({key: read_first_line(FIGURES.get(key)) for key in FIGURES.names()})
         return
     if name not in FIGURES.names():
-        raise InputError(f"no figure is called {name!r}{nearest(name, FIGURES.names())}")
+        raise InputError(f"no figure is called {name!r}{suggest_nearest(name, FIGURES.names())}")
     drawn = FIGURES.get(name)()
-    given = {"group": group, "metric": metric, "over": over, "crop": [_window(text) for text in crop or ()] or None}
+    given = {
+        "group": group,
+        "metric": metric,
+        "over": over,
+        "crop": [_parse_window(text) for text in crop or ()] or None,
+    }
     told = {option: value for option, value in given.items() if value is not None}
     if not_taken := sorted(set(told) - set(drawn.options)):
-        raise InputError(f"the figure {name} takes no --{not_taken[0]}")
+        raise InputError(f"the figure {name} has no option --{not_taken[0]}")
     for remark in opened.remarks(opened.cells):
         note(remark)
     if output is None:
@@ -59,7 +64,7 @@ def figure(
     say(f"figure: {path}")
 
 
-def _window(text: str) -> tuple[int, ...]:
+def _parse_window(text: str) -> tuple[int, ...]:
     parts = text.split(",")
     try:
         window = tuple(int(part) for part in parts)

@@ -7,7 +7,7 @@ import typer
 
 from glossbench.commands.completion import results as result_folders
 from glossbench.commands.printing import say
-from glossbench.study.installed import study_files
+from glossbench.study.study_files import find_study_files
 
 
 def findings(
@@ -22,11 +22,11 @@ def findings(
     """Write a page of verdicts, from these results and from the stored summaries of earlier results."""
     from glossbench.atomic import replacing
     from glossbench.errors import InputError
-    from glossbench.findings.page import findings_page
+    from glossbench.findings.page import compose_page
     from glossbench.findings.summary import Summary
     from glossbench.findings.verdicts import judge
     from glossbench.run.results import Results
-    from glossbench.study.claims import stated_claims
+    from glossbench.study.claims import read_claims
 
     if output.suffix != ".md":
         raise InputError(f"{output}: the page must end in .md, got {output.suffix!r}")
@@ -37,7 +37,7 @@ def findings(
             raise InputError(f"{each.folder} is not finished; the same `glossbench run` continues it")
     for each in opened:
         cells = each.cells
-        verdicts = judge(stated_claims(each.study), cells)  # by the rules of this version
+        verdicts = judge(read_claims(each.study), cells)  # by the rules of this version
         summary = Summary(each.folder.resolve().name, each.study, verdicts, each.provenance, cells)
         summary.write(kept / summary.name)
     folders = sorted(path.parent for path in kept.glob("*/claims.json"))
@@ -47,5 +47,5 @@ def findings(
     text = earlier.read_text(encoding="utf-8") if earlier.is_file() else ""
     output.parent.mkdir(parents=True, exist_ok=True)
     with replacing(output) as part:
-        part.write_text(findings_page([Summary.read(f) for f in folders], study_files(), text), encoding="utf-8")
+        part.write_text(compose_page([Summary.read(f) for f in folders], find_study_files(), text), encoding="utf-8")
     say(str(output))

@@ -10,13 +10,13 @@ import yaml
 from rich.table import Table
 from rich.text import Text
 
-from glossbench.catalog.entries import Entry, entries
+from glossbench.catalog.entries import Entry, list_entries
 from glossbench.commands.completion import everything
 from glossbench.commands.printing import out, print_rows, say
-from glossbench.commands.schema_words import values
-from glossbench.documentation import documentation
-from glossbench.errors import InputError, nearest
-from glossbench.study.installed import study_files
+from glossbench.commands.schema_words import describe_values
+from glossbench.documentation import read_documentation
+from glossbench.errors import InputError, suggest_nearest
+from glossbench.study.study_files import find_study_files
 
 
 def info(
@@ -37,16 +37,16 @@ def info(
         for path in write_pages(write, kinds):
             say(str(path))
         return
-    studies, files = study_files(), {entry.name: entry for entry in entries()}
+    studies, files = find_study_files(), {entry.name: entry for entry in list_entries()}
     if name is None:
         for kind, registry in kinds.items():
-            _names(kind, [n for n in registry.names() if n not in files])
-        _names("study", list(studies))
-        _names("public file", list(files))
+            _print_names(kind, [n for n in registry.names() if n not in files])
+        _print_names("study", list(studies))
+        _print_names("public file", list(files))
         return
     known = {*studies, *files, *(n for registry in kinds.values() for n in registry.names())}
     if name not in known:
-        raise InputError(f"nothing is called {name!r}{nearest(name, known)}")
+        raise InputError(f"nothing is called {name!r}{suggest_nearest(name, known)}")
     for kind, registry in kinds.items():
         if name in registry.names():
             _describe_class(kind, registry.get(name))
@@ -56,7 +56,7 @@ def info(
         _describe_file(files[name])
 
 
-def _names(kind: str, names: list[str]) -> None:
+def _print_names(kind: str, names: list[str]) -> None:
     table = Table.grid(padding=(0, 2))
     table.add_column(width=len("public file"), style="bold")
     table.add_column()
@@ -64,40 +64,42 @@ def _names(kind: str, names: list[str]) -> None:
     out.print(table)
 
 
-def _heading(name: str, kind: str) -> None:
+def _print_heading(name: str, kind: str) -> None:
     out.print(Text.assemble((name, "bold"), f" ({kind})\n"))
 
 
 def _describe_class(kind: str, cls: Any) -> None:
     """Print a registered class: its docstring, its class attributes, its options with defaults and bounds."""
-    from glossbench.options import Options, json_schema
+    from glossbench.options import Options, make_schema
 
-    _heading(cls.name, kind)
-    out.print(documentation(cls))
+    _print_heading(cls.name, kind)
+    out.print(read_documentation(cls))
     out.print()
     kind_of = next(base for base in cls.__mro__ if Options in base.__bases__)
     # The equation is in typst's notation; the docstring has it as plain text.
     stated = {key: getattr(cls, key) for key in get_annotations(kind_of) if key != "equation"}
-    print_rows({key.replace("_", " "): _word(value) for key, value in stated.items() if isinstance(value, str | bool)})
+    print_rows(
+        {key.replace("_", " "): _format_value(value) for key, value in stated.items() if isinstance(value, str | bool)}
+    )
     table = Table("option", "default", "values", box=None, pad_edge=False)
-    for option, rule in json_schema(cls)["properties"].items():
+    for option, rule in make_schema(cls)["properties"].items():
         default = json.dumps(rule["default"]) if "default" in rule else "required"
-        table.add_row(option, default, values(rule))
+        table.add_row(option, default, describe_values(rule))
     if table.row_count:
         out.print(table)
         out.print()
-    if kind == "material" and any(entry.name == cls.name and entry.local() for entry in entries("brdf")):
+    if kind == "material" and any(entry.name == cls.name and entry.find_local() for entry in list_entries("brdf")):
         print_rows({"holds": "\n".join(cls.create({}).notes())})
 
 
-def _word(value: str | bool) -> str:
+def _format_value(value: str | bool) -> str:
     return value if isinstance(value, str) else "yes" if value else "no"
 
 
 def _describe_study(name: str, path: Path) -> None:
     """Print what a study asks and compares, without reading the files that its run needs."""
     stated = yaml.safe_load(path.read_text(encoding="utf-8"))
-    _heading(name, "study")
+    _print_heading(name, "study")
     say(stated["title"])
     print_rows(
         {
@@ -112,8 +114,8 @@ def _describe_study(name: str, path: Path) -> None:
 
 def _describe_file(entry: Entry) -> None:
     """Print an entry of the catalogue."""
-    here = entry.local()
-    _heading(entry.name, f"{entry.kind}, public file")
+    here = entry.find_local()
+    _print_heading(entry.name, f"{entry.kind}, public file")
     print_rows(
         {
             "stresses": entry.stresses,

@@ -26,7 +26,7 @@ def light(
     axes: Annotated[str | None, typer.Option(help=f"Axes of the file (default: as it states): {Axes}.")] = None,
     flip: Annotated[bool, typer.Option("--flip", help="The first row of the file is straight down.")] = False,
     layer: Annotated[str | None, typer.Option(help="Layer or part to read from an .exr with several.")] = None,
-    ldr: Annotated[bool, typer.Option("--ldr", help="Accept a file of 8 bits, and decode it from sRGB.")] = False,
+    ldr: Annotated[bool, typer.Option("--ldr", help="Accept a file of 8-bit integers, decoded from sRGB.")] = False,
     invalid: Annotated[
         str | None, typer.Option(help="Pixels that are negative or not finite: refuse or clamp.")
     ] = None,
@@ -43,27 +43,27 @@ def light(
     written_axes: Annotated[str, typer.Option("--as-axes", help="Axes of the written file.")] = "forward",
 ) -> None:  # fmt: skip
     """Describe a light, draw it, and write it in another projection."""
-    from glossbench.commands.picture import half_blocks, picture, write_png
-    from glossbench.envmap.formats.decoded import Covering
+    from glossbench.commands.picture import draw_picture, to_half_blocks, write_png
     from glossbench.envmap.formats.exr import check_exr_name, write_exr
-    from glossbench.envmap.lights.file_light import light_named
+    from glossbench.envmap.formats.image_content import Covering
+    from glossbench.envmap.lights.file_light import make_light
     from glossbench.envmap.projections.conversion import check_written, from_cubemap
 
     if output is None and (written, written_axes) != ("lat_long", "forward"):
-        raise InputError("--as and --as-axes say how a file is written: name it by -o")
+        raise InputError("--as and --as-axes need -o, the file to write")
     form = cast("Written", SHORT.get(written, written))
     if output is not None:
         check_exr_name(output)
         check_written(form, written_axes)
     flags = {"flip_vertical": flip or None, "layer": layer, "ldr": ldr or None}
     given = {"resolution": resolution, "projection": projection, "axes": axes, "invalid": invalid, **flags}
-    chosen = light_named(name, {option: value for option, value in given.items() if value is not None})
+    chosen = make_light(name, {option: value for option, value in given.items() if value is not None})
     cubemap = chosen.cubemap()
-    print_rows({"light": name} | told(chosen.facts(cubemap)) | {"note": "\n".join(chosen.notes())})
+    print_rows({"light": name} | describe_facts(chosen.facts(cubemap)) | {"note": "\n".join(chosen.notes())})
     if out.is_terminal and out.color_system and out.encoding.startswith("utf"):  # else the picture cannot be shown
-        out.print(half_blocks(picture(cubemap, min(out.width, 160) // 2)))
+        out.print(to_half_blocks(draw_picture(cubemap, min(out.width, 160) // 2)))
     if png is not None:
-        write_png(png, picture(cubemap, 512))
+        write_png(png, draw_picture(cubemap, 512))
         say(f"picture: {png}")
     if output is not None:
         image = from_cubemap(cubemap, form, axes=written_axes)
@@ -71,25 +71,25 @@ def light(
         say(f"{form}: {output}")
 
 
-def told(facts: "LightFacts") -> dict[str, str]:
+def describe_facts(facts: "LightFacts") -> dict[str, str]:
     """The facts about a light, each in a few words."""
     read_as, image_peak = "", ""
     if facts.projection is not None:
         axes = "" if facts.axes == "forward" else f", axes {facts.axes}"
         read_as = f"{facts.projection}{axes}, {facts.width} x {facts.height} pixels"
-        image_peak = f", of a pixel {facts.image_peak:.4g}"
+        image_peak = f" (brightest pixel of the file: {facts.image_peak:.4g})"
     return {
         "read as": read_as,
         "cube map": f"6 faces of {facts.resolution} x {facts.resolution} texels",
-        "mean radiance": _rgb(facts.mean),
+        "mean radiance": _format_rgb(facts.mean),
         "peak luminance": f"{facts.peak:.4g}{image_peak}",
         "dynamic range": f"{float(f'{facts.dynamic_range:.3g}'):,.0f} : 1",
         "brightest 0.1 %": f"{100 * facts.brightest_share:.3g} % of the energy",
-        "irradiance up": _rgb(facts.irradiance_up),
-        "irradiance right": _rgb(facts.irradiance_right),
-        "irradiance forward": _rgb(facts.irradiance_forward),
+        "irradiance up": _format_rgb(facts.irradiance_up),
+        "irradiance right": _format_rgb(facts.irradiance_right),
+        "irradiance forward": _format_rgb(facts.irradiance_forward),
     }
 
 
-def _rgb(color: tuple[float, float, float]) -> str:
+def _format_rgb(color: tuple[float, float, float]) -> str:
     return "  ".join(f"{c:<8.4g}" for c in color).rstrip()

@@ -13,17 +13,17 @@ from glossbench.channels import LUMINANCE
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.projections.conversion import from_cubemap
 from glossbench.errors import InputError
-from glossbench.srgb import encoded
+from glossbench.srgb import encode
 from glossbench.tone import reinhard
 
 
-def picture(cubemap: CubeMap, height: int) -> Tensor:
+def draw_picture(cubemap: CubeMap, height: int) -> Tensor:
     """The light as a lat-long image, (H, 2 H, 3) uint8, sRGB; averaged over area before the tone curve."""
     fine = from_cubemap(cubemap, "lat_long", 1 << max(1, (height - 1).bit_length() - 1))
-    return tone_mapped(adaptive_avg_pool2d(fine.permute(2, 0, 1), (height, 2 * height)).permute(1, 2, 0))
+    return tone_map(adaptive_avg_pool2d(fine.permute(2, 0, 1), (height, 2 * height)).permute(1, 2, 0))
 
 
-def tone_mapped(radiance: Tensor) -> Tensor:
+def tone_map(radiance: Tensor) -> Tensor:
     """Radiance (H, W, 3) as a display shows it, uint8.
 
     L' = x / (1 + x), x = 0.18 L / Lm, Lm the geometric mean of the luminance of pixels that are not black. Colours keep
@@ -34,10 +34,10 @@ def tone_mapped(radiance: Tensor) -> Tensor:
     luminance = radiance.double() @ torch.tensor(LUMINANCE).double()
     lit = luminance[luminance > 0]
     exposed = radiance.double() * (0.18 / lit.log().mean().exp() if len(lit) else 0.0)
-    return (255 * torch.from_numpy(encoded(reinhard(exposed).cpu().numpy()))).round().to(torch.uint8)
+    return (255 * torch.from_numpy(encode(reinhard(exposed).cpu().numpy()))).round().to(torch.uint8)
 
 
-def half_blocks(pixels: Tensor) -> Text:
+def to_half_blocks(pixels: Tensor) -> Text:
     """Pixels (H, W, 3) uint8 as text: each character shows two pixels, one above the other."""
     rows = pixels[: pixels.shape[0] // 2 * 2].tolist()
     drawn = Text(no_wrap=True, end="")

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 from rich.text import Text
 
-from glossbench.columns import COLUMNS, CONDITIONS, parsed
-from glossbench.commands.consoles import Console, one_line
-from glossbench.study.labels import identity, names_of, told_apart, with_options
+from glossbench.columns import COLUMNS, CONDITIONS, parse_row
+from glossbench.commands.consoles import Console, escape_controls
+from glossbench.study.labels import distinguish_rows, identify, name_items, with_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,12 +37,12 @@ class Pulse:
             return
         self.last, task = time.monotonic(), self.bar.tasks[0]
         done = f"{task.completed:.0f} of {task.total or 0:.0f} cells, {task.elapsed or 0:.0f} s"
-        err.print(one_line(f"{done}: {task.description}"), soft_wrap=True)
+        err.print(escape_controls(f"{done}: {task.description}"), soft_wrap=True)
 
 
 def say(text: str) -> None:
     """Print one line of any length on standard output; line ends inside it, as in a file's name, are escaped."""
-    out.print(one_line(text), soft_wrap=True)
+    out.print(escape_controls(text), soft_wrap=True)
 
 
 def say_lines(text: str) -> None:
@@ -52,7 +52,7 @@ def say_lines(text: str) -> None:
 
 def note(text: str) -> None:
     """Print one line about something unusual on standard error."""
-    err.print(one_line(f"note: {text}"), style="yellow", soft_wrap=True)
+    err.print(escape_controls(f"note: {text}"), style="yellow", soft_wrap=True)
 
 
 def print_rows(rows: dict[str, str]) -> None:
@@ -75,10 +75,10 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     """
     from glossbench.findings.legends import explain_table  # late, because it imports torch
 
-    rows = [parsed(row) for row in cells.to_dict("records")]
-    names = {kind: names_of(kind, rows) for kind in CONDITIONS}
+    rows = [parse_row(row) for row in cells.to_dict("records")]
+    names = {kind: name_items(kind, rows) for kind in CONDITIONS}
     kinds = [kind for kind in CONDITIONS if kind != "view" or len(names[kind]) > 1]
-    methods = _method_names(rows)
+    methods = _name_methods(rows)
     table = Table(box=None, pad_edge=False)
     for heading in (*kinds, "method"):
         table.add_column(heading)
@@ -89,12 +89,12 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     for heading in (*(brief[name].short for name in before), *metrics, *(brief[name].short for name in after)):
         table.add_column(heading, justify="right")
     for row, method in list(zip(rows, methods, strict=True))[:MAX_ROWS]:
-        named = [Text(name) for name in (*(names[kind][identity(kind, row)] for kind in kinds), method)]
+        named = [Text(name) for name in (*(names[kind][identify(kind, row)] for kind in kinds), method)]
         if row["status"] != "done":
             table.add_row(*named, row["status"])
             continue
-        counts, costs = ([brief[name].in_brief(row[name]) for name in names] for names in (before, after))
-        table.add_row(*named, *counts, *(_error(row, name) for name in metrics), *costs)
+        counts, costs = ([brief[name].format_brief(row[name]) for name in names] for names in (before, after))
+        table.add_row(*named, *counts, *(_format_error(row, name) for name in metrics), *costs)
     # Never cut numbers to fit a narrow window or a file.
     needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
     Console(width=max(needed, out.width)).print(table, soft_wrap=True)
@@ -113,14 +113,14 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     print_words(halves | explain_table(rows, with_decided=False))
 
 
-def _error(row: dict[str, Any], metric: str) -> str:
+def _format_error(row: dict[str, Any], metric: str) -> str:
     """A metric with half its 95 % interval; "floor" if the reference is too noisy to measure the error."""
-    from glossbench.findings.columns import column_of_metric  # late, because they import torch
-    from glossbench.findings.estimates import estimate_of
+    from glossbench.findings.columns import make_metric_column  # late, because they import torch
+    from glossbench.findings.estimates import estimate_metric
 
-    if row["at_noise_floor"] and not column_of_metric(metric).signed:
+    if row["at_noise_floor"] and not make_metric_column(metric).signed:
         return "floor"
-    half = estimate_of(row, metric).half_width
+    half = estimate_metric(row, metric).half_width
     return f"{row[metric]:.4g} ± {half:.1g}" if half else f"{row[metric]:.4g}"
 
 
@@ -130,20 +130,20 @@ def print_words(said: dict[str, str]) -> None:
         out.print(f"{word}: {text}", style="dim", soft_wrap=True)
 
 
-def _method_names(rows: list[dict[str, Any]], over: str | None = None) -> list[str]:
+def _name_methods(rows: list[dict[str, Any]], over: str | None = None) -> list[str]:
     """For each row, the method with the options that distinguish it, without those that `over` determines."""
-    texts = (options for _, options in told_apart(rows, over))
+    texts = (options for _, options in distinguish_rows(rows, over))
     return [with_options(row["method"], own) for row, own in zip(rows, texts, strict=True)]
 
 
 def print_plan(cells: "Sequence[Cell]", statuses: "Sequence[str]") -> None:
     """Print what a run would compute, one line per cell: its status on disk, and the names that distinguish it."""
-    rows = [parsed(cell.record(status="new").row()) for cell in cells]
-    names = {kind: names_of(kind, rows) for kind in CONDITIONS}
+    rows = [parse_row(cell.make_record(status="new").to_row()) for cell in cells]
+    names = {kind: name_items(kind, rows) for kind in CONDITIONS}
     columns = [list(statuses)]
     kinds = [kind for kind in CONDITIONS if kind != "view" or len(names[kind]) > 1]
-    columns += [[names[kind][identity(kind, row)] for row in rows] for kind in kinds]
-    columns += [_method_names(rows, over="")]
+    columns += [[names[kind][identify(kind, row)] for row in rows] for kind in kinds]
+    columns += [_name_methods(rows, over="")]
     widths = [max(map(len, column)) for column in columns]
     for line in zip(*columns, strict=True):
         say("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
@@ -177,8 +177,8 @@ def warn_of_noise(cells: "pandas.DataFrame") -> None:
         worst = (missed["reference_noise"] / missed["reference_mean"]).max()
         wanted = (missed["reference_target"] / missed["reference_mean"]).min()
         err.print(
-            f"{len(missed)} of {len(references)} references did not meet the noise asked for: {100 * worst:.2g} % of "
-            f"the mean for {100 * wanted:.2g} %; reference.max_samples bounds their work",
+            f"{len(missed)} of {len(references)} references stopped at reference.max_samples with noise up to "
+            f"{100 * worst:.2g} % of the mean; the target was {100 * wanted:.2g} %",
             style="yellow", soft_wrap=True,
         )  # fmt: skip
 
@@ -188,12 +188,10 @@ def warn_of_times(cells: "pandas.DataFrame") -> None:
     done = cells[cells["status"] == "done"]
     busy = int((done["busy"] > BUSY).sum())
     if busy:
-        text = f"{busy} of {len(done)} cells were timed while other programs took the processor for "
-        text += f"{100 * done['busy'].max():.0f} % of the time at worst: their times are too long"
+        text = f"{busy} of {len(done)} cells were timed while other programs used up to "
+        text += f"{100 * done['busy'].max():.0f} % of the processor time: these times may be too long"
         err.print(text, style="yellow", soft_wrap=True)
     processors = list(dict.fromkeys(done["processor"]))
     if len(processors) > 1:
-        text = (
-            f"cells were timed on {len(processors)} processors, with times that do not compare: {', '.join(processors)}"
-        )
+        text = f"cells were timed on {len(processors)} processors, so times cannot be compared: {', '.join(processors)}"
         err.print(text, style="yellow", soft_wrap=True)

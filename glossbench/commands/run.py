@@ -12,7 +12,7 @@ import typer
 
 from glossbench.commands import completion
 from glossbench.commands.arguments import StudyArgument
-from glossbench.commands.consoles import one_line
+from glossbench.commands.consoles import escape_controls
 from glossbench.commands.printing import (
     Pulse,
     err,
@@ -25,7 +25,7 @@ from glossbench.commands.printing import (
     warn_of_noise,
     warn_of_times,
 )
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError, suggest_nearest
 
 if TYPE_CHECKING:
     from glossbench.study.study import Study
@@ -58,7 +58,7 @@ def run(
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    from glossbench.plugins import origin
+    from glossbench.plugins import find_origin
     from glossbench.run.executor import Progress
     from glossbench.run.runner import run_study
     from glossbench.study.study import load_study
@@ -72,7 +72,7 @@ def run(
         output = Path("results") / f"{loaded.name}_{Path(light).stem}"
     folder = output or Path("results") / loaded.name
     for plugin in loaded.plugins:
-        err.print(f"plugin {plugin}: {origin(plugin)}", soft_wrap=True)
+        err.print(f"plugin {plugin}: {find_origin(plugin)}", soft_wrap=True)
     if dry_run:
         _print_plan(loaded, folder)
         return
@@ -107,7 +107,7 @@ def run(
     failed = int((results.cells["status"] == "failed").sum())
     if failed:
         err.print(
-            f"{_counted(failed, 'cell')} failed: tracebacks are in the report, --rerun-failed tries again",
+            f"{_count_in_words(failed, 'cell')} failed: tracebacks are in the report, --rerun-failed tries again",
             style="red",
         )
     if failed or not is_whole:
@@ -127,26 +127,26 @@ def report(
     opened = Results.open(results)
     for name in names or ():
         if name not in (known := _report_writers()):
-            raise InputError(f"no report is called {name!r}{nearest(name, known)}")
+            raise InputError(f"no report is called {name!r}{suggest_nearest(name, known)}")
     for remark in opened.remarks(opened.cells):
         note(remark)
     if not _write_reports(opened.folder, names or ()):
         raise typer.Exit(1)
 
 
-def _counted(n: int, what: str) -> str:
+def _count_in_words(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
 def _print_plan(study: "Study", folder: Path) -> None:
     """Print what a run would compute, and the number of cells by status."""
-    from glossbench.run.runner import kept_statuses
+    from glossbench.run.runner import find_statuses
 
-    cells, statuses = study.cells(), kept_statuses(study, folder)
+    cells, statuses = study.cells(), find_statuses(study, folder)
     print_plan(cells, statuses)
     count = Counter(statuses)
     told = [f"{count[status]} {status}" for status in ("done", "skipped", "failed", "new") if count[status]]
-    say(f"{_counted(len(cells), 'cell')} would go to {folder}: {', '.join(told)}")
+    say(f"{_count_in_words(len(cells), 'cell')} would go to {folder}: {', '.join(told)}")
     if count["failed"]:
         say("failed cells stay as they are; --rerun-failed tries them again")
 
@@ -166,7 +166,7 @@ def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:
             say(f"report: {page}")
         except KeyboardInterrupt:
             again = f"the results are whole: `glossbench report {folder}` writes the reports"
-            err.print(one_line(f"interrupted: {again}"), soft_wrap=True)
+            err.print(escape_controls(f"interrupted: {again}"), soft_wrap=True)
             raise typer.Exit(130) from None
         except (Exception, SystemExit) as error:  # a writer may come from another distribution
             is_whole = False
@@ -180,13 +180,13 @@ def _print_fault(what: str, error: BaseException) -> None:
     if not isinstance(error, InputError):
         last = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__}: {text} ({Path(last.filename).name}:{last.lineno})"
-    err.print(one_line(f"{what}: {text}"), style="red", soft_wrap=True)
+    err.print(escape_controls(f"{what}: {text}"), style="red", soft_wrap=True)
 
 
 def _report_writers() -> dict[str, Callable[[Path], Path]]:
-    return {point.name: partial(_written, point) for point in entry_points(group="glossbench.reports")}
+    return {point.name: partial(_write_report, point) for point in entry_points(group="glossbench.reports")}
 
 
-def _written(point: EntryPoint, folder: Path) -> Path:
+def _write_report(point: EntryPoint, folder: Path) -> Path:
     page: Path = point.load()(folder)
     return page

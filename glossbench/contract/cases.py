@@ -15,15 +15,15 @@ from torch import Tensor
 from glossbench.brdf.ggx import GGX
 from glossbench.brdf.kurt import Kurt, KurtLobe
 from glossbench.brdf.material import MATERIALS, Material
-from glossbench.catalog.entries import entries
+from glossbench.catalog.entries import list_entries
 from glossbench.directions import Vec3, cross, normalize, points_2d, spherical, to_world
 from glossbench.envmap.cubemap import CubeMap, face_coordinates, texel_directions
 from glossbench.envmap.lights.synthetic import Spots
 from glossbench.errors import InputError
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading.image import arguments_of, prepare
-from glossbench.shading.method import INPUTS, Method, budget_of
+from glossbench.shading.image import prepare, select_arguments
+from glossbench.shading.method import INPUTS, Method, find_budget_option
 from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import Reference, compute_reference
 
@@ -110,45 +110,45 @@ class Shader:
         inputs = dict(zip(INPUTS, (self.light, self.material, view.scene(), view), strict=True))
         prepared = prepare(self.method, inputs, self.kept)
         known = {**inputs, "points": points, **{name: each.value for name, each in prepared.items()}}
-        return self.method.shade(**arguments_of(self.method.shade, known))
+        return self.method.shade(**select_arguments(self.method.shade, known))
 
 
-def truth_for(method: Method) -> Truth:
+def build_truth(method: Method) -> Truth:
     """The case against which convergence is measured; the noise of its reference is at most 0.1 % of the mean."""
-    light, material, points = spots(3), general_material(method), general_points(100)
+    light, material, points = build_spots(3), choose_material(method), build_general_points(100)
     return Truth(light, material, points, compute_reference(light, material, GivenPoints(points)))
 
 
-def spots(seed: int) -> CubeMap:
+def build_spots(seed: int) -> CubeMap:
     """Small lights of moderate contrast, so that with few samples all pixels have an error, not only some."""
-    light = _spots(seed)
+    light = _build_spots(seed)
     return CubeMap(light.faces.clone(), light.key)  # a copy, because a method may write into it
 
 
 @cache
-def _spots(seed: int) -> CubeMap:
+def _build_spots(seed: int) -> CubeMap:
     return Spots(seed=seed, resolution=32, contrast=100.0).cubemap()
 
 
-def general_points(n: int = 200) -> ShadingPoints:
+def build_general_points(n: int = 200) -> ShadingPoints:
     """Points all over the sphere, seen from all sides with cos_o in [0.05, 1], with tangents in all directions."""
     u, v = points_2d(n, "r2").double(), points_2d(n, "random", seed=1).double()
     azimuth = 2 * pi * points_2d(n, "random", seed=2).double()[:, 0]
     normal = spherical(torch.acos(1 - 2 * u[:, 0]), 2 * pi * u[:, 1])
-    return _points(normal, 0.05 + 0.95 * v[:, 0], 2 * pi * v[:, 1], azimuth)
+    return _build_points(normal, 0.05 + 0.95 * v[:, 0], 2 * pi * v[:, 1], azimuth)
 
 
-def hard_points() -> ShadingPoints:
+def build_hard_points() -> ShadingPoints:
     """Normals towards the faces, edges and corners of the cube, seen at cos_o = 1, 0.5 and 1e-4."""
     signs = torch.cartesian_prod(*[torch.tensor([-1.0, 0.0, 1.0], dtype=torch.float64)] * 3)
     signs = signs[signs.any(1)].repeat(3, 1)
     n = len(signs) // 3
     cos_o = torch.tensor([1.0, 0.5, 1e-4], dtype=torch.float64).repeat_interleave(n)
     azimuth = torch.arange(3 * n, dtype=torch.float64)
-    return _points(normalize(Vec3(*signs.T)), cos_o, torch.zeros(3 * n, dtype=torch.float64), azimuth)
+    return _build_points(normalize(Vec3(*signs.T)), cos_o, torch.zeros(3 * n, dtype=torch.float64), azimuth)
 
 
-def _points(n: Vec3, cos_o: Tensor, tangent: Tensor, azimuth: Tensor) -> ShadingPoints:
+def _build_points(n: Vec3, cos_o: Tensor, tangent: Tensor, azimuth: Tensor) -> ShadingPoints:
     upright = n.y.abs() > 0.9
     up = Vec3(upright.double(), (~upright).double(), torch.zeros_like(n.x))
     t = normalize(cross(up, n))
@@ -177,31 +177,31 @@ def turn_light(light: CubeMap, axis: int) -> CubeMap:
     return CubeMap(light.faces[face.long(), row, column], f"{light.key} turned about {'xyz'[axis]}")
 
 
-def points_between(points: ShadingPoints, start: int, stop: int) -> ShadingPoints:
-    return points.each(lambda c: c[start:stop])
+def select_points(points: ShadingPoints, start: int, stop: int) -> ShadingPoints:
+    return points.map(lambda c: c[start:stop])
 
 
-def registered_materials() -> Iterator[Material]:
+def make_registered_materials() -> Iterator[Material]:
     """The registered materials that need no file, with default options."""
-    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in entries("brdf")}):
+    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in list_entries("brdf")}):
         try:
             yield MATERIALS.create(name, {})
         except InputError:
             continue  # needs options, such as a file
 
 
-def supported_of(method: Method, materials: tuple[Material, ...]) -> list[Material]:
+def select_supported(method: Method, materials: tuple[Material, ...]) -> list[Material]:
     return [material for material in materials if method.supports(material, UnitSphere()) is None]
 
 
-def general_material(method: Method) -> Material:
-    for material in supported_of(method, GENERAL_MATERIALS):
+def choose_material(method: Method) -> Material:
+    for material in select_supported(method, GENERAL_MATERIALS):
         return material
     reason = method.supports(GENERAL_MATERIALS[0], UnitSphere())
     raise InputError(f"supports none of the {len(GENERAL_MATERIALS)} materials of the check: {reason}")
 
 
-def at_its_best(method: Method) -> Method:
+def make_accurate(method: Method) -> Method:
     """The method with the options for which its contract promises accuracy."""
     return replace(method, **method.contract.options)
 
@@ -209,12 +209,12 @@ def at_its_best(method: Method) -> Method:
 def with_all_budget(method: Method) -> Method:
     """The method with the largest budget of its contract; unchanged if it has no budget."""
     budget = method.contract.budget
-    if budget is None or not budget_of(type(method)):
+    if budget is None or not find_budget_option(type(method)):
         return method
     return replace(method, **{budget[0]: max(budget[1])})
 
 
-def label_of(material: Material) -> str:
+def label_material(material: Material) -> str:
     """A material in a few words: its name and its widths."""
     widths = material.as_dict().get("m") or material.as_dict().get("alpha") or ()
     return " ".join([material.name, *(f"{w:g}" for w in widths)])

@@ -22,26 +22,26 @@ from glossbench.contract.cases import (
     Shader,
     Truth,
     UnknownScene,
-    at_its_best,
-    general_material,
-    general_points,
-    hard_points,
-    label_of,
-    points_between,
-    registered_materials,
-    spots,
-    supported_of,
-    truth_for,
+    build_general_points,
+    build_hard_points,
+    build_spots,
+    build_truth,
+    choose_material,
+    label_material,
+    make_accurate,
+    make_registered_materials,
+    select_points,
+    select_supported,
     turn,
     turn_light,
     with_all_budget,
 )
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Constant, SingleTexel, Spots
-from glossbench.plugin_errors import one_line, place_of
+from glossbench.plugin_errors import locate_error, summarize_error
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.sphere import UnitSphere
-from glossbench.shading.method import Method, budget_of
+from glossbench.shading.method import Method, find_budget_option
 from glossbench.shading.stage_cache import StageCache
 
 Measured = tuple[bool | None, str]  # (kept, measured) of an Outcome
@@ -71,37 +71,41 @@ class Outcome:
 def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outcome]]:
     """Decorator that turns (kept, measured) into an Outcome, and an exception into a broken Outcome."""
 
-    def named(function: Callable[..., Measured]) -> Callable[..., Outcome]:
+    def decorate(function: Callable[..., Measured]) -> Callable[..., Outcome]:
         @wraps(function)
         def run(*args: Any) -> Outcome:
             try:
                 return Outcome(name, *function(*args))
             except (Exception, SystemExit) as error:  # a plug-in may raise anything
-                return Outcome(name, False, one_line(error), place_of(error))
+                return Outcome(name, False, summarize_error(error), locate_error(error))
 
         return run
 
-    return named
+    return decorate
 
 
 @_check("furnace")
 def check_furnace(method: Method) -> Measured:
     """Under constant light, the image is the light times the directional albedo; RMS error / mean, worst material."""
     accurate, points, light = (
-        with_all_budget(at_its_best(method)),
-        general_points(),
+        with_all_budget(make_accurate(method)),
+        build_general_points(),
         Constant(radiance=(2.5, 2.5, 2.5)).cubemap(),
     )
     errors, kept = {}, StageCache()
-    for material in supported_of(method, FURNACE_MATERIALS):
+    for material in select_supported(method, FURNACE_MATERIALS):
         expected = 2.5 * material.albedo(points.wo_local())
-        errors[label_of(material)] = _relative(Shader(accurate, light, material, kept)(points), expected)
+        errors[label_material(material)] = _compute_relative_error(
+            Shader(accurate, light, material, kept)(points), expected
+        )
     if not errors:
         return None, "none of the materials is supported"
     # max() of a NaN and a number may return either.
     worst = next((m for m, e in errors.items() if not np.isfinite(e)), max(errors, key=errors.__getitem__))
     bound = method.contract.furnace
-    return errors[worst] <= bound, f"{errors[worst]:.1e} of the mean with {worst}, at most {bound:g}{_under(method)}"
+    return errors[
+        worst
+    ] <= bound, f"{errors[worst]:.1e} of the mean with {worst}, at most {bound:g}{_describe_conditions(method)}"
 
 
 @_check("linear in the light")
@@ -109,8 +113,8 @@ def check_linear(method: Method) -> Measured:
     """The image of a sum of lights is the sum of their images; three times the light gives three times the image."""
     if not method.contract.linear:
         return None, "not claimed"
-    material, points = general_material(method), general_points()
-    one, two, kept = spots(3), spots(4), StageCache()
+    material, points = choose_material(method), build_general_points()
+    one, two, kept = build_spots(3), build_spots(4), StageCache()
     a, b, total, triple = (
         Shader(method, CubeMap(faces, key), material, kept)(points).double()
         for key, faces in (
@@ -120,7 +124,7 @@ def check_linear(method: Method) -> Measured:
             ("triple", 3 * one.faces),
         )
     )
-    error = max(_largest_change(total, a + b), _largest_change(triple, 3 * a))
+    error = max(_compute_largest_change(total, a + b), _compute_largest_change(triple, 3 * a))
     return error <= ROUNDING, f"{error:.1e} of the brightest, at most {ROUNDING:g}"
 
 
@@ -129,16 +133,16 @@ def check_turns(method: Method) -> Measured:
     """Light and points turned by 90 degrees about x, y and z give the same image; RMS change / mean."""
     accurate, material, points, light = (
         with_all_budget(method),
-        general_material(method),
-        general_points(),
-        spots(3),
+        choose_material(method),
+        build_general_points(),
+        build_spots(3),
     )
     kept = StageCache()
     image = Shader(accurate, light, material, kept)(points)
     changes = {}
     for axis in range(3):
         turned_points = ShadingPoints(*(turn(v, axis) for v in (points.t, points.b, points.n, points.wo)))
-        changes["xyz"[axis]] = _relative(
+        changes["xyz"[axis]] = _compute_relative_error(
             Shader(accurate, turn_light(light, axis), material, kept)(turned_points), image
         )
     worst = next((a for a, c in changes.items() if not np.isfinite(c)), max(changes, key=changes.__getitem__))
@@ -153,26 +157,29 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
     if contract.slope is None or contract.budget is None:
         return None, "not claimed"
     option, values = contract.budget
-    if not budget_of(type(method)):
-        return False, f"the contract's budget is {option!r}, which is no option"
-    truth = truth or truth_for(method)
-    accurate = at_its_best(method)
+    if not find_budget_option(type(method)):
+        return False, f"the contract's budget is {option!r}, which is not an option"
+    truth = truth or build_truth(method)
+    accurate = make_accurate(method)
     samples, errors = [], []
     for value in values:
         budgeted = replace(accurate, **{option: value})
         image = Shader(budgeted, truth.light, truth.material)(truth.points)
         samples.append(budgeted.n_samples(truth.material))
-        errors.append(_relative(image, truth.reference.radiance[0]))
+        errors.append(_compute_relative_error(image, truth.reference.radiance[0]))
         # Below twice the noise of the reference, an error cannot be measured.
         if errors[-1] <= 2 * truth.reference.noise / truth.reference.mean:
             break
     if len(errors) == 1:
         return True, f"at the noise floor with {samples[0]} samples already"
     if len(set(samples)) == 1:
-        return False, f"{samples[0]} samples whatever the budget"
+        return False, f"{samples[0]} samples at every budget"
     slope = float(np.polyfit([log(n) for n in samples], [log(e) for e in errors], 1)[0])
     span = f"error {errors[0]:.2g} with {samples[0]} samples, {errors[-1]:.2g} with {samples[-1]}"
-    return slope <= contract.slope, f"slope {slope:.2f}, at most {contract.slope:g}; {span}{_under(method)}"
+    return (
+        slope <= contract.slope,
+        f"slope {slope:.2f}, at most {contract.slope:g}; {span}{_describe_conditions(method)}",
+    )
 
 
 @_check("finite on hard inputs")
@@ -183,15 +190,15 @@ def check_finite(method: Method) -> Measured:
         "one lit texel": SingleTexel(resolution=16, radiance=(1e5, 1e5, 1e5)).cubemap(),
         "contrast 1e5": Spots(resolution=16, contrast=1e5).cubemap(),
     }
-    points, n, kept = hard_points(), 0, StageCache()
+    points, n, kept = build_hard_points(), 0, StageCache()
     for label, light in lights.items():
-        for material in supported_of(method, HARD_MATERIALS):
+        for material in select_supported(method, HARD_MATERIALS):
             image = Shader(method, light, material, kept)(points)
             n_bad = int((~torch.isfinite(image)).any(-1).sum())
             if n_bad:
-                return False, f"{n_bad} of {len(points)} points not finite: {label}, {label_of(material)}"
+                return False, f"{n_bad} of {len(points)} points not finite: {label}, {label_material(material)}"
             if not light.faces.any() and image.any():
-                return False, f"{float(image.abs().max()):.1e} under a black map, {label_of(material)}"
+                return False, f"{float(image.abs().max()):.1e} under a black map, {label_material(material)}"
             n += 1
     return (True, f"{n} lights and materials") if n else (None, "none of the materials is supported")
 
@@ -199,32 +206,32 @@ def check_finite(method: Method) -> Measured:
 @_check("same for any chunking")
 def check_chunks(method: Method) -> Measured:
     """Points shaded in pieces of odd sizes have the same radiance as points shaded at once."""
-    return _in_pieces(method, [1, 2, 3, 7, 61, 5, 1])
+    return _shade_in_pieces(method, [1, 2, 3, 7, 61, 5, 1])
 
 
 @_check("batch is one by one")
 def check_one_by_one(method: Method) -> Measured:
     """Points shaded one by one have the same radiance as points shaded at once."""
-    return _in_pieces(method, [1] * 40)
+    return _shade_in_pieces(method, [1] * 40)
 
 
-def _in_pieces(method: Method, sizes: list[int]) -> Measured:
+def _shade_in_pieces(method: Method, sizes: list[int]) -> Measured:
     """Compare points shaded in pieces of these sizes with all points shaded at once."""
-    points = general_points(sum(sizes))
-    shader = Shader(method, spots(3), general_material(method))
+    points = build_general_points(sum(sizes))
+    shader = Shader(method, build_spots(3), choose_material(method))
     whole = shader(points)
     stops = np.cumsum(sizes).tolist()
-    pieces = [shader(points_between(points, stop - size, stop)) for size, stop in zip(sizes, stops, strict=True)]
-    error = _largest_change(torch.cat(pieces), whole)
+    pieces = [shader(select_points(points, stop - size, stop)) for size, stop in zip(sizes, stops, strict=True)]
+    error = _compute_largest_change(torch.cat(pieces), whole)
     return error <= ROUNDING, f"{error:.1e} of the brightest, at most {ROUNDING:g}"
 
 
 @_check("shape and type")
 def check_shape(method: Method) -> Measured:
     """P points give radiance of shape (P, 3), float32."""
-    shader = Shader(method, spots(3), general_material(method))
+    shader = Shader(method, build_spots(3), choose_material(method))
     for n in (5, 1):
-        image = shader(general_points(n))
+        image = shader(build_general_points(n))
         if not isinstance(image, Tensor):
             return False, f"{type(image).__name__} for ({n}, 3) float32"
         got = f"{tuple(image.shape)} {str(image.dtype).removeprefix('torch.')}"
@@ -236,53 +243,53 @@ def check_shape(method: Method) -> Measured:
 @_check("pure")
 def check_pure(method: Method) -> Measured:
     """The same call gives the same bytes, with the same stages and with new ones, and writes into no argument."""
-    material, points, light = general_material(method), general_points(), spots(3)
+    material, points, light = choose_material(method), build_general_points(), build_spots(3)
     shader = Shader(method, light, material)
     images = [shader(points).clone(), shader(points).clone(), Shader(method, light, material)(points)]
-    if not torch.equal(light.faces, spots(3).faces):
+    if not torch.equal(light.faces, build_spots(3).faces):
         return False, "writes into the light"
-    fresh_points = general_points()
+    fresh_points = build_general_points()
     for name in ("t", "b", "n", "wo"):
         used, fresh = getattr(points, name), getattr(fresh_points, name)
         if not all(torch.equal(a, b) for a, b in zip(used, fresh, strict=True)):
             return False, f"writes into the points' {name}"
     for image, what in zip(images[1:], ("the same stages", "new stages"), strict=True):
         if not torch.equal(images[0], image):
-            return False, f"{_largest_change(image, images[0]):.1e} of the brightest from {what}, must be 0"
+            return False, f"{_compute_largest_change(image, images[0]):.1e} of the brightest from {what}, must be 0"
     return True, "3 calls, the same bytes"
 
 
 @_check("says what it cannot show")
 def check_supports(method: Method) -> Measured:
     """`supports` returns None or a reason for any material and scene, and the method can shade what it supports."""
-    materials = [*registered_materials(), *FURNACE_MATERIALS, *GENERAL_MATERIALS, *HARD_MATERIALS]
-    reasons, n, light, kept = [], 0, spots(3), StageCache()
+    materials = [*make_registered_materials(), *FURNACE_MATERIALS, *GENERAL_MATERIALS, *HARD_MATERIALS]
+    reasons, n, light, kept = [], 0, build_spots(3), StageCache()
     for scene in (UnitSphere(), UnknownScene()):
         for material in materials:
             reason = method.supports(material, scene)
             if not (reason is None or (isinstance(reason, str) and reason.strip())):
-                return False, f"{reason!r} for {label_of(material)}, must be None or a reason"
+                return False, f"{reason!r} for {label_material(material)}, must be None or a reason"
             if reason is not None:
                 reasons.append(reason)
             elif isinstance(scene, UnitSphere):
-                Shader(method, light, material, kept)(general_points(3))
+                Shader(method, light, material, kept)(build_general_points(3))
             n += 1
     return True, f"{n} combinations, {len(reasons)} unsupported" + (f": {reasons[0]}" if reasons else "")
 
 
-def _relative(image: Tensor, expected: Tensor) -> float:
+def _compute_relative_error(image: Tensor, expected: Tensor) -> float:
     """RMS of the difference / mean; 0 for two black images."""
     rms = float((image.double() - expected.double()).square().mean().sqrt())
     return rms / float(expected.double().mean()) if rms else 0.0
 
 
-def _largest_change(image: Tensor, expected: Tensor) -> float:
+def _compute_largest_change(image: Tensor, expected: Tensor) -> float:
     """Largest difference / largest value; 0 for two black images."""
     change = float((image.double() - expected.double()).abs().max())
     return change / float(expected.abs().max()) if change else 0.0
 
 
-def _under(method: Method) -> str:
+def _describe_conditions(method: Method) -> str:
     """The options that the contract states, in words; "" if it states none."""
     options = ", ".join(f"{key}={value}" for key, value in method.contract.options.items())
     return f"; with {options}" if options else ""

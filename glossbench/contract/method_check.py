@@ -16,10 +16,10 @@ from glossbench.contract.checks import (
     check_supports,
     check_turns,
 )
-from glossbench.errors import InputError, nearest
-from glossbench.plugin_errors import one_line
+from glossbench.errors import InputError, suggest_nearest
+from glossbench.plugin_errors import summarize_error
 from glossbench.plugins import NoSuchModule, import_plugin
-from glossbench.process.state import Restored, guarded
+from glossbench.process.state import ProcessRestorer, guarded
 from glossbench.process.surroundings import settled
 from glossbench.shading.method import METHODS, Method
 
@@ -47,7 +47,7 @@ def check_contract(name: str, tell: Callable[[str], None] = lambda text: None) -
     Raises:
         InputError: the method or module does not exist, the module registers no method, or an option has no default.
     """
-    methods = _methods_of(name)
+    methods = _make_methods(name)
     outcomes = []
     for method in methods:
         prefix = f"{method.name}: " if len(methods) > 1 else ""
@@ -64,18 +64,18 @@ def as_checked(name: str) -> Method:
     return METHODS.create(name, METHODS.get(name).contract.quick)
 
 
-def _methods_of(name: str) -> list[Method]:
+def _make_methods(name: str) -> list[Method]:
     if name in METHODS.names():
         return [as_checked(name)]
     try:
-        with Restored(f"plugin {name!r}"):
+        with ProcessRestorer(f"plugin {name!r}"):
             import_plugin(name)
     except NoSuchModule as error:
-        hint = nearest(name, METHODS.names())
+        hint = suggest_nearest(name, METHODS.names())
         where = hint if "did you mean" in hint else f": {error}"
-        raise InputError(f"unknown method {name!r}, nor a module{where}") from None
+        raise InputError(f"{name!r} is neither a method nor a module{where}") from None
     except (Exception, SystemExit) as error:  # a plug-in may raise anything
-        told = str(error) if isinstance(error, InputError) else one_line(error)
+        told = str(error) if isinstance(error, InputError) else summarize_error(error)
         raise InputError(f"module {name!r}: {told}") from error
     classes = [METHODS.get(n) for n in METHODS.names()]
     own = [as_checked(cls.name) for cls in classes if cls.__module__ == name]

@@ -156,7 +156,7 @@ def texel_solid_angles(resolution: int) -> Float64[Tensor, "{resolution} {resolu
     return corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
 
 
-def bordered(faces: Tensor, width: int = 1) -> Tensor:
+def add_border(faces: Tensor, width: int = 1) -> Tensor:
     """Faces (6, R, R, C) with a border of `width` texels from the adjoining faces: (6, R + 2w, R + 2w, C).
 
     Border row k beyond an edge is row k inside the adjoining face. Beyond a corner of the cube there is no texel: the

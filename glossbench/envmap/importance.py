@@ -7,7 +7,7 @@ from torch import Tensor
 
 from glossbench.channels import LUMINANCE
 from glossbench.directions import Vec3
-from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates, face_directions, texel_solid_angles
+from glossbench.envmap.cubemap import CubeMap, add_border, face_coordinates, face_directions, texel_solid_angles
 
 PARTS = 8  # of a face along each axis
 
@@ -73,7 +73,7 @@ def luminance_distribution(light: CubeMap, even: float = 0.0) -> LightDistributi
     """
     r = light.resolution
     weights = torch.tensor(LUMINANCE, dtype=torch.float32, device=light.faces.device)
-    luminance = bordered((light.faces @ weights)[..., None])[..., 0].double()
+    luminance = add_border((light.faces @ weights)[..., None])[..., 0].double()
     rows = (luminance[:, :-2] + 6 * luminance[:, 1:-1] + luminance[:, 2:]) / 8
     mean = (rows[:, :, :-2] + 6 * rows[:, :, 1:-1] + rows[:, :, 2:]) / 8
     solid_angle = texel_solid_angles(r).to(mean.device)

@@ -8,7 +8,7 @@ from torch.nn.functional import pad
 
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.pyramid import FILTERS, MipFilter, MipTable, Taps, finest, lookup, mip_levels
+from glossbench.envmap.pyramid import FILTERS, MipFilter, MipTable, Taps, build_mip_levels, finest, lookup
 
 SCALE = 1.2  # b of the paper
 
@@ -46,7 +46,7 @@ def build_paraboloid(light: CubeMap, mip_filter: MipFilter) -> Paraboloid:
         d = Vec3(*(c[image].reshape(-1).to(light.faces.device) for c in directions))
         fine = lookup(cube, d).view(n, 2, n, 2, 3)
         images.append(fine.mean(dim=(1, 3)))
-    return Paraboloid(*mip_levels(torch.stack(images), FILTERS[mip_filter], repeat_edge))
+    return Paraboloid(*build_mip_levels(torch.stack(images), FILTERS[mip_filter], repeat_edge))
 
 
 def paraboloid_directions(resolution: int) -> Vec3:

@@ -15,7 +15,7 @@ from torch.nn.functional import embedding_bag
 
 from glossbench.channels import Channels, merge_channels
 from glossbench.directions import Vec3
-from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates
+from glossbench.envmap.cubemap import CubeMap, add_border, face_coordinates
 from glossbench.shapes import Directions, Faces, PointDirections, Radiance, Texels, Values
 
 MipFilter = Literal["box", "gauss4", "gauss6"]
@@ -114,7 +114,7 @@ class Pyramid(MipTable):
 def finest(light: CubeMap) -> Pyramid:
     """The light itself as a pyramid of one level."""
     sizes = torch.tensor([light.resolution], dtype=torch.int32, device=light.faces.device)
-    return Pyramid(bordered(light.faces).reshape(-1, 3), torch.zeros_like(sizes), sizes)
+    return Pyramid(add_border(light.faces).reshape(-1, 3), torch.zeros_like(sizes), sizes)
 
 
 def build_pyramid(light: CubeMap, mip_filter: MipFilter) -> Pyramid:
@@ -126,10 +126,10 @@ def build_pyramid(light: CubeMap, mip_filter: MipFilter) -> Pyramid:
     Source: Luksch et al. 2014, section 3.
     """
     taps = FILTERS[mip_filter]
-    return Pyramid(*mip_levels(light.faces, taps, bordered))
+    return Pyramid(*build_mip_levels(light.faces, taps, add_border))
 
 
-def mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) -> tuple[Tensor, Tensor, Tensor]:
+def build_mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) -> tuple[Tensor, Tensor, Tensor]:
     """Table, offsets and sizes of images (K, R, R, 3); each level is half of the level before, down to one texel."""
     n_images, resolution = images.shape[:2]
     sizes = [resolution >> level for level in range(resolution.bit_length())]

@@ -7,22 +7,22 @@ from typing import Any
 from glossbench.columns import COLUMNS, Column
 from glossbench.errors import InputError
 from glossbench.metrics import METRICS
-from glossbench.metrics.metric import column_names
+from glossbench.metrics.metric import name_columns
 from glossbench.study.labels import with_options
 
 __all__ = [
     "COLUMNS",
     "Column",
-    "column_of_metric",
+    "collect_columns",
     "columns_from_json",
-    "columns_of",
     "columns_to_json",
-    "metric_columns",
-    "metric_options",
+    "list_metric_columns",
+    "make_metric_column",
+    "read_metric_options",
 ]
 
 
-def column_of_metric(name: str, options: Mapping[str, Any] | None = None, called: str = "") -> Column:
+def make_metric_column(name: str, options: Mapping[str, Any] | None = None, called: str = "") -> Column:
     """The column of a metric; for a metric that is not installed, a column with only the name.
 
     Args:
@@ -38,23 +38,23 @@ def column_of_metric(name: str, options: Mapping[str, Any] | None = None, called
     return replace(column, unit=unit, lower_is_better=metric.lower_is_better, signed=metric.signed)
 
 
-def metric_columns(metrics: Iterable[Any]) -> list[Column]:
+def list_metric_columns(metrics: Iterable[Any]) -> list[Column]:
     """The columns of the metrics of a resolved study; it states each as a name or {name: options}."""
     return [
-        column_of_metric(name, options, called if called != name else "")
-        for called, (name, options) in metric_options(metrics).items()
+        make_metric_column(name, options, called if called != name else "")
+        for called, (name, options) in read_metric_options(metrics).items()
     ]
 
 
-def metric_options(metrics: Iterable[Any]) -> dict[str, tuple[str, Mapping[str, Any]]]:
+def read_metric_options(metrics: Iterable[Any]) -> dict[str, tuple[str, Mapping[str, Any]]]:
     """For each column of a metric that a resolved study states, the name and the options of the metric."""
     stated = [(each, {}) if isinstance(each, str) else next(iter(each.items())) for each in metrics]
-    return dict(zip(column_names(stated), stated, strict=True))
+    return dict(zip(name_columns(stated), stated, strict=True))
 
 
-def columns_of(metrics: Iterable[Any]) -> dict[str, Column]:
+def collect_columns(metrics: Iterable[Any]) -> dict[str, Column]:
     """The columns of results with the metrics of a resolved study; the RMS error is always measured."""
-    own = [*metric_columns(metrics), column_of_metric("rms")]
+    own = [*list_metric_columns(metrics), make_metric_column("rms")]
     return dict(COLUMNS) | {column.name: column for column in own}
 
 
@@ -66,6 +66,6 @@ def columns_to_json(columns: Mapping[str, Column]) -> list[dict[str, Any]]:
 def columns_from_json(stated: Any) -> dict[str, Column]:
     """The columns in the contents of `columns.json`; InputError if these are something else."""
     try:
-        return {column.name: column for column in map(Column.of_dict, stated)}
+        return {column.name: column for column in map(Column.from_dict, stated)}
     except (TypeError, KeyError, AttributeError):
         raise InputError("columns.json does not hold a table of columns") from None

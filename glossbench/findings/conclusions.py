@@ -1,10 +1,13 @@
 """Conclusions: the verdict on a claim, and a sentence about it, from the cases of the claim."""
 
+import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from glossbench.findings.comparisons import EQUAL, FAILS, HOLDS, NOISE, UNTESTED, Case
-from glossbench.findings.estimates import Estimate
+
+Numbers = Mapping[str, Any]  # one case as JSON types
 
 
 def conclude(cases: list[Case], quantity: str, notes: Counter[str], sides: Sequence[str]) -> tuple[str, str]:
@@ -12,28 +15,63 @@ def conclude(cases: list[Case], quantity: str, notes: Counter[str], sides: Seque
     failed = notes.pop("cells failed", 0) if cases else 0
     left_out = "".join(f"; {what}: {count}" for what, count in sorted(notes.items()) if count)
     if not cases:
-        why = left_out.removeprefix("; ") or "the run has no cell that it is about"
+        why = left_out.removeprefix("; ") or "the run has no cell of this claim"
         return UNTESTED, f"Not tested: {why}."
     count = Counter(case.verdict for case in cases)
     verdict = next(v for v in (FAILS, HOLDS, EQUAL, NOISE) if count[v])
     others = "".join(f", {count[word]} {word}" for word in (EQUAL, NOISE) if count[word])
-    low, high = (pick(cases, key=lambda case: case.found.value) for pick in (min, max))
-    span = f"{_number(low.found)} ({low.where})"
-    if len(cases) > 1:
-        span = f"from {span} to {_number(high.found)} ({high.where})"
+    span = describe_span([case.as_numbers() for case in cases])
     first = f"Judged without {failed} of its cells, which failed. " if failed else ""
     counted = f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{others}"
-    return verdict, f"{counted}; {quantity}: {span}{_seeds(cases, sides)}{left_out}."
+    return verdict, f"{counted}; {quantity}: {span}{_describe_seeds(cases, sides)}{left_out}."
 
 
-def _number(found: Estimate) -> str:
-    """A number and, if noise changes it, its 95 % interval."""
-    if not found.standard_error:
-        return f"{found.value:.4g}"
-    return "{:.4g} [{:.4g}, {:.4g}]".format(found.value, *found.interval)
+def describe_span(cases: Sequence[Numbers]) -> str:
+    """The lowest and the highest number of a claim, each with its 95 % interval, and in which cases they are found.
+
+    A case is named only by the words that not all cases share.
+    """
+    finite = [case for case in cases if case["value"] is not None]
+    if not finite:
+        return "infinite"
+    low, high = (pick(finite, key=lambda case: case["value"]) for pick in (min, max))
+    others = f"; not finite in {len(cases) - len(finite)} of {len(cases)} cases" if len(finite) < len(cases) else ""
+    if low["value"] == high["value"]:
+        return _format_number(low) + others
+    names = zip(("lowest", "highest"), _distinguish([low, high], cases), strict=True)
+    where = "".join(f"; {end} for {name}" for end, name in names if name)
+    return f"{_format_number(low)} to {_format_number(high)}{where}{others}"
 
 
-def _seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
+def _format_number(case: Numbers) -> str:
+    """The number of a case and, if noise changes it, its 95 % interval; an end that is not finite is stored as None."""
+    low, value, high = ("?" if case[key] is None else f"{case[key]:.4g}" for key in ("low", "value", "high"))
+    return value if case["low"] == case["value"] == case["high"] else f"{value} [{low}, {high}]"
+
+
+def _distinguish(named: Sequence[Numbers], cases: Sequence[Numbers]) -> list[str]:
+    """For each named case, the words of its `where` that not all cases share.
+
+    Of a name with options that differ, such as "kurt (m 0.1)" and "kurt (m 0.2)", only the options are left.
+    """
+    words = [re.split(r", (?![^(\[]*[)\]])", str(case["where"])) for case in cases]  # no comma within brackets
+    shared = set.intersection(*map(set, words))
+    heads = set.intersection(*({word.partition(" (")[0] for word in own if word.endswith(")")} for own in words))
+
+    def shorten(word: str) -> str:
+        name, _, options = word.partition(" (")
+        if not word.endswith(")") or " against " in word:
+            return word
+        return options[:-1] if name in heads else f"{name} with {options[:-1]}"
+
+    found = []
+    for case in named:
+        own = words[next(i for i, each in enumerate(cases) if each is case)]
+        found.append(", ".join(shorten(word) for word in own if word not in shared))
+    return found
+
+
+def _describe_seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
     """The number of seeds of random points on each side, in words; "" if no points are random."""
     told, least = [], 2
     for side, numbers in zip(sides, zip(*(case.seeds for case in cases), strict=True), strict=True):
@@ -41,5 +79,5 @@ def _seeds(cases: Sequence[Case], sides: Sequence[str]) -> str:
         if high:
             told.append(f"{high if low == high else f'{low} to {high}'} of {side}")
             least = min(least, low or 1)
-    unknown = " (one alone does not tell its spread)" if least == 1 else ""
+    unknown = " (the spread of a single seed is not known)" if least == 1 else ""
     return f"; seeds: {', '.join(told)}{unknown}" if told else ""

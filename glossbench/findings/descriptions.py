@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass, field, fields
 from inspect import cleandoc
 from typing import Any
 
-from glossbench.documentation import documentation
+from glossbench.documentation import read_documentation
 from glossbench.errors import InputError
-from glossbench.findings.citations import cited_in, references, source_in
+from glossbench.findings.citations import extract_source, find_cited, load_references
 from glossbench.options import Options
 from glossbench.study.registries import REGISTRIES
 
@@ -57,7 +57,7 @@ class Descriptions:
     references: Mapping[str, str]
     is_of_run: bool = True
 
-    def of(self, kind: str, name: str) -> Description | None:
+    def find(self, kind: str, name: str) -> Description | None:
         """The description of a name of a kind; None if it is not known."""
         return next((each for each in self.described if (each.kind, each.name) == (kind, name)), None)
 
@@ -66,7 +66,7 @@ class Descriptions:
         return {"described": [asdict(each) for each in self.described], "references": dict(self.references)}
 
     @classmethod
-    def of_dict(cls, stated: Any) -> "Descriptions":
+    def from_dict(cls, stated: Any) -> "Descriptions":
         """The descriptions in the contents of `described.json`; InputError if these are something else."""
         known = {each.name for each in fields(Description)}
         try:
@@ -78,19 +78,21 @@ class Descriptions:
 
 def describe_study(study: Mapping[str, Any], is_of_run: bool = True) -> Descriptions:
     """The descriptions of everything that a resolved study names and that is installed here."""
-    named = dict.fromkeys((kind, name) for key, kind in KEYS.items() for name in _names(study.get(key, ())))
+    named = dict.fromkeys((kind, name) for key, kind in KEYS.items() for name in _list_names(study.get(key, ())))
     found = tuple(
         describe(kind, REGISTRIES[kind].get(name)) for kind, name in named if name in REGISTRIES[kind].names()
     )
-    cited = {key for text in (*(each.source for each in found), str(study.get("source", ""))) for key in cited_in(text)}
-    return Descriptions(found, {key: text for key, text in references().items() if key in cited}, is_of_run)
+    cited = {
+        key for text in (*(each.source for each in found), str(study.get("source", ""))) for key in find_cited(text)
+    }
+    return Descriptions(found, {key: text for key, text in load_references().items() if key in cited}, is_of_run)
 
 
 def describe(kind: str, cls: type[Options]) -> Description:
     """A class in words."""
     stated = {key: str(getattr(cls, key, "")) for key in ("equation", "formula", "map_formula", "unit")}
-    text = documentation(cls)
-    return Description(kind, cls.name, text, source_in(text), describe_options(cls), **stated)
+    text = read_documentation(cls)
+    return Description(kind, cls.name, text, extract_source(text), describe_options(cls), **stated)
 
 
 def describe_options(cls: type[Options]) -> dict[str, str]:
@@ -106,5 +108,5 @@ def describe_options(cls: type[Options]) -> dict[str, str]:
     return described
 
 
-def _names(items: Iterable[Any]) -> Iterable[str]:
+def _list_names(items: Iterable[Any]) -> Iterable[str]:
     return (item if isinstance(item, str) else next(iter(item)) for item in items)

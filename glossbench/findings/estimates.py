@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from glossbench.truth.jackknife import jackknife, unbiased
+from glossbench.truth.jackknife import jackknife, remove_bias
 
 CONFIDENCE = 0.95
 Floats = NDArray[np.float64]
@@ -92,14 +92,14 @@ def estimate(statistic: Statistic, sides: Sides) -> Estimate:
     return Estimate(value - bias, math.sqrt(total), degrees)
 
 
-def estimate_of(row: Mapping[str, Any], metric: str) -> Estimate:
+def estimate_metric(row: Mapping[str, Any], metric: str) -> Estimate:
     """A metric of one cell, from its row of the results; without a standard error if the row has no groups."""
     stored = row.get("left_out") or {}
     values = (json.loads(stored) if isinstance(stored, str) else stored).get(metric)
     if values is None:
         return Estimate(float(row[metric]))
     found = estimate(lambda sides: float(sides[0][0]), [[Sample(values)]])
-    return found._replace(value=unbiased(values))
+    return found._replace(value=remove_bias(values))
 
 
 def _without_groups(statistic: Statistic, sides: Sides) -> list[list[float]]:

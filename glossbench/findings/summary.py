@@ -44,7 +44,7 @@ class Summary:
         """
         missing = [name for name in FILES if not (folder / name).is_file()]
         if missing:
-            raise InputError(f"{folder} holds no summary: there is no {missing[0]} in it")
+            raise InputError(f"{folder} holds no summary: {missing[0]} is missing")
         return cls(
             folder.name,
             read_document(folder / "study.yaml").data,
@@ -64,12 +64,12 @@ class Summary:
         for name, text in texts.items():
             with replacing(folder / name) as part:
                 part.write_text(text + "\n" if not text.endswith("\n") else text, encoding="utf-8")
-        cells = self.cells.map(_shortened)
+        cells = self.cells.map(_shorten)
         with replacing(folder / "cells.parquet") as part:
             cells.to_parquet(part, index=False, compression="zstd")
 
 
-def _shortened(value: Any) -> Any:
+def _shorten(value: Any) -> Any:
     """A text of a cell, shortened: JSON without the folders of files, only the last line of a traceback."""
     if not isinstance(value, str):
         return value

@@ -6,8 +6,8 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from glossbench.catalog.naming import kind_in_catalog
-from glossbench.errors import InputError, called
+from glossbench.catalog.naming import explain_catalog_name
+from glossbench.errors import InputError, describe_wrong_value
 from glossbench.options import Options
 from glossbench.process.surroundings import settled
 from glossbench.registry import Registry
@@ -15,7 +15,7 @@ from glossbench.shapes import Colours, ErrorMap, Errors, Mask, Masked, Picture
 
 
 @runtime_checkable
-class HasRadiance(Protocol):
+class RadianceImage(Protocol):
     """An image: radiance, and the mask of the pixels that show the surface."""
 
     @property
@@ -25,7 +25,7 @@ class HasRadiance(Protocol):
 
 
 @runtime_checkable
-class HasNoise(Protocol):
+class NoisyImage(Protocol):
     """A reference: unlike an image, it has the standard error of its radiance."""
 
     @property
@@ -57,19 +57,19 @@ class Metric(Options):
     n_groups: ClassVar[int] = 8
 
     @settled()
-    def __call__(self, image: HasRadiance, truth: HasRadiance) -> float:
+    def __call__(self, image: RadianceImage, truth: RadianceImage) -> float:
         """The number.
 
         Raises:
             InputError: sizes or masks differ, the mask is empty, or radiance on it is not finite.
         """
-        x, y, mask = _compared(image, truth)
+        x, y, mask = _prepare_images(image, truth)
         return float(self.pooled(self.errors(x, y, mask)[mask]))
 
     @settled()
-    def error_map(self, image: HasRadiance, truth: HasRadiance) -> ErrorMap:
+    def error_map(self, image: RadianceImage, truth: RadianceImage) -> ErrorMap:
         """The error of each pixel, zero outside the mask; it raises the same errors as the number."""
-        x, y, mask = _compared(image, truth)
+        x, y, mask = _prepare_images(image, truth)
         return np.where(mask, self.errors(x, y, mask), 0.0)
 
     def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
@@ -81,7 +81,7 @@ class Metric(Options):
         return float(np.mean(errors))
 
 
-def column_names(metrics: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
+def name_columns(metrics: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     """Column names of metrics given by name and options: the name or, if it occurs twice, "mrse (epsilon 0.1)"."""
     found = []
     for name, options in metrics:
@@ -92,15 +92,17 @@ def column_names(metrics: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     return found
 
 
-METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench.metrics", kind_in_catalog)
+METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench.metrics", explain_catalog_name)
 
 
-def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Colours, Colours, Masked]:
+def _prepare_images(image: RadianceImage, truth: RadianceImage) -> tuple[Colours, Colours, Masked]:
     """Image and reference in double precision, zero outside their mask, and the mask; InputError if they do not fit."""
     for which, given in {"image": image, "truth": truth}.items():
-        if not isinstance(given, HasRadiance):
-            raise InputError(f"metric(image, truth): {which} must have radiance and mask, got {called(given)}")
-    if isinstance(image, HasNoise) and not isinstance(truth, HasNoise):
+        if not isinstance(given, RadianceImage):
+            raise InputError(
+                f"metric(image, truth): {which} must have radiance and mask, got {describe_wrong_value(given)}"
+            )
+    if isinstance(image, NoisyImage) and not isinstance(truth, NoisyImage):
         raise InputError("metric(image, truth): the reference comes second, got it first")
     mask = truth.mask.cpu().numpy()
     if image.mask.shape != mask.shape:
@@ -110,10 +112,10 @@ def _compared(image: HasRadiance, truth: HasRadiance) -> tuple[Colours, Colours,
         raise InputError(f"image and reference must be of one view, but {n_other} pixels are in one mask only")
     if not mask.any():
         raise InputError("the mask of the reference is empty: no pixel shows the surface")
-    return _radiance("the image", image, mask), _radiance("the reference", truth, mask), mask
+    return _check_radiance("the image", image, mask), _check_radiance("the reference", truth, mask), mask
 
 
-def _radiance(what: str, image: HasRadiance, mask: Masked) -> Colours:
+def _check_radiance(what: str, image: RadianceImage, mask: Masked) -> Colours:
     if tuple(image.radiance.shape) != (*mask.shape, 3):
         raise InputError(
             f"radiance of {what} must be {(*mask.shape, 3)}, as its mask, got {tuple(image.radiance.shape)}"

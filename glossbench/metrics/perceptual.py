@@ -11,8 +11,8 @@ from pydantic import Field
 from glossbench.channels import LUMINANCE
 from glossbench.metrics.metric import METRICS, Metric
 from glossbench.shapes import Colours, ErrorMap, Errors, Masked
-from glossbench.srgb import encoded
-from glossbench.tone import aces, where_aces_is
+from glossbench.srgb import encode
+from glossbench.tone import aces, invert_aces
 
 BRIGHT = 0.85  # the first exposure maps the brightest pixel to this value, the last exposure the median
 WINDOW = 5  # [pixels] from the centre of a window to its edge
@@ -26,7 +26,7 @@ class Exposures(NamedTuple):
     n_steps: int
 
 
-def exposures(y: Colours, mask: Masked) -> Exposures:
+def choose_exposures(y: Colours, mask: Masked) -> Exposures:
     """The exposures [stops] at which HDR-FLIP compares images with a reference.
 
     start = log2(x / max(Y)), stop = log2(x / median(Y)), n_steps = max(2, ceil(stop - start)), where ACES(x) = 0.85 and
@@ -39,15 +39,15 @@ def exposures(y: Colours, mask: Masked) -> Exposures:
     seen = luminance[luminance > 0]
     if not seen.size:
         return Exposures(0.0, 0.0, 2)
-    x = where_aces_is(BRIGHT)
+    x = invert_aces(BRIGHT)
     median = np.median(luminance)
     start, stop = log2(x / seen.max()), log2(x / (median if median > 0 else np.median(seen)))
     return Exposures(start, stop, max(2, ceil(stop - start)))
 
 
-def displayed(image: Colours, stops: float) -> Colours:
+def display(image: Colours, stops: float) -> Colours:
     """An image on a display, in [0, 1]: exposure, then the ACES curve, then the sRGB curve; below 0 is black."""
-    return encoded(aces(np.clip(2**stops * image, 0, 1e6)))
+    return encode(aces(np.clip(2**stops * image, 0, 1e6)))
 
 
 @METRICS.register("flip")
@@ -73,7 +73,7 @@ class FLIP(Metric):
 
     def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """The FLIP map."""
-        start, stop, n_steps = exposures(y, mask)
+        start, stop, n_steps = choose_exposures(y, mask)
         # Scaled so that the first exposure is 0: single precision then neither overflows nor underflows.
         images = [np.clip(2**start * image, 0, 1e6).astype(np.float32) for image in (y, x)]
         stated = {"ppd": self.pixels_per_degree, "startExposure": 0.0, "stopExposure": stop - start}
@@ -102,9 +102,9 @@ class SSIM(Metric):
 
     def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """1 - SSIM of the window around each pixel, the mean over the channels."""
-        start, stop, _ = exposures(y, mask)
+        start, stop, _ = choose_exposures(y, mask)
         edge = ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0))
-        images = [np.pad(displayed(image, (start + stop) / 2), edge) for image in (x, y)]
+        images = [np.pad(display(image, (start + stop) / 2), edge) for image in (x, y)]
         _, similarity = skimage.metrics.structural_similarity(
             *images, data_range=1.0, channel_axis=2, full=True,
             gaussian_weights=True, sigma=1.5, truncate=WINDOW / 1.5, use_sample_covariance=False,

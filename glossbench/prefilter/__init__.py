@@ -26,7 +26,7 @@ from glossbench.directions import (
     to_world,
     vec3,
 )
-from glossbench.envmap.cubemap import CubeMap, bordered, face_coordinates, texel_directions, texel_solid_angles
+from glossbench.envmap.cubemap import CubeMap, add_border, face_coordinates, texel_directions, texel_solid_angles
 from glossbench.envmap.harmonics import project, sh_basis
 from glossbench.envmap.importance import luminance_distribution
 from glossbench.envmap.projections.conversion import from_cubemap
@@ -79,7 +79,7 @@ from glossbench.prefilter.diffuse import diffuse_radiance, visible_diffuse
 from glossbench.prefilter.filtered_samples import FilteredSamples, filtered_samples
 from glossbench.prefilter.light_shadows import NoShadows, Shadows, Visibility, no_shadows, shadows
 from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
-from glossbench.prefilter.median_cut import Partition, median_cut, whole
+from glossbench.prefilter.median_cut import Partition, make_whole, median_cut
 from glossbench.prefilter.stages import irradiance, pyramid
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
@@ -122,7 +122,7 @@ __all__ = [
     # The light: a cube map, its texels and quantities computed from them.
     "CubeMap",
     "bilinear",
-    "bordered",
+    "add_border",
     "face_coordinates",
     "from_cubemap",
     "luminance_distribution",
@@ -176,7 +176,7 @@ __all__ = [
     "median_cut",
     "no_shadows",
     "shadows",
-    "whole",
+    "make_whole",
     # Maps filtered into cosine lobes, one for each region.
     "Energy",
     "LOBE_FILTERS",

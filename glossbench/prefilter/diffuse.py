@@ -45,11 +45,11 @@ def visible_diffuse(
     if occluder is None or not reflectance.diffuse:
         return diffuse_radiance(reflectance, irradiance, points.n)
     wi = Vec3(*(c[None] for c in cosine_hemisphere(u)))
-    mean = over_points(_visible_light, points, len(u), wi, environment, occluder, level) / len(u)
+    mean = over_points(_sum_visible_light, points, len(u), wi, environment, occluder, level) / len(u)
     return mean * torch.stack(reflectance.diffuse)
 
 
-def _visible_light(
+def _sum_visible_light(
     points: ShadingPoints, wi: Vec3, environment: Environment, occluder: Occluder, level: Tensor | None
 ) -> Tensor:
     """Sum over samples of L V."""

@@ -13,7 +13,7 @@ from torch.nn.functional import grid_sample
 
 from glossbench.directions import Vec3, stack
 from glossbench.prefilter.median_cut import Partition
-from glossbench.scene.camera import framing
+from glossbench.scene.camera import frame_vertices
 from glossbench.scene.mesh import Mesh
 from glossbench.scene.points import Occluder, ShadingPoints
 from glossbench.shading.kernels import untraced
@@ -119,7 +119,7 @@ def cast(
     if visibility == "rays":
         return RayShadows(Vec3(*(c[None] for c in direction)), scene)
     assert isinstance(scene, Mesh)
-    return variance_shadow_maps(scene, direction, solid_angle, resolution, blocker_distance, light_bleeding)
+    return build_variance_shadow_maps(scene, direction, solid_angle, resolution, blocker_distance, light_bleeding)
 
 
 @stage
@@ -131,7 +131,7 @@ def shadows(self: Any, partition: Partition, scene: Any) -> Shadows:
     )  # fmt: skip
 
 
-def variance_shadow_maps(
+def build_variance_shadow_maps(
     mesh: Mesh,
     direction: Vec3,
     solid_angle: Tensor,
@@ -155,7 +155,7 @@ def variance_shadow_maps(
     toward = stack(direction).cpu().double().numpy()
     cosine = 1 - solid_angle.cpu().double().numpy() / (2 * pi)
     deviation = blocker_distance / 2 * np.sqrt(1 - cosine**2) / cosine
-    rendered = [_rendered(mesh, d, s, resolution) for d, s in zip(toward, deviation, strict=True)]
+    rendered = [_render(mesh, d, s, resolution) for d, s in zip(toward, deviation, strict=True)]
     moments, placing, texel = (np.stack(values) for values in zip(*rendered, strict=True))
     device = solid_angle.device
     return VarianceShadowMaps(
@@ -166,12 +166,12 @@ def variance_shadow_maps(
     )
 
 
-def _rendered(
+def _render(
     mesh: Mesh, toward: NDArray[np.float64], deviation: float, resolution: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], float]:
     """Moments (2, M, M), placing (3, 4) and the edge length of a texel, for one light."""
     azimuth, elevation = np.degrees([np.arctan2(toward[0], toward[2]), np.arcsin(np.clip(toward[1], -1, 1))])
-    camera = framing(mesh.vertices, 1.0, azimuth, elevation, None, 1.0)
+    camera = frame_vertices(mesh.vertices, 1.0, azimuth, elevation, None, 1.0)
     right, up, back = camera.axes
     lowest = (mesh.vertices @ back).min()
     origins, directions = camera.rays(resolution, resolution)

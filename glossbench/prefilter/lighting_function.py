@@ -26,7 +26,7 @@ from glossbench.brdf.material import Material, Reflectance
 from glossbench.channels import widen
 from glossbench.directions import Vec3, cross, spherical, to_local, vec3
 from glossbench.envmap.cubemap import CubeMap, face_coordinates, texel_solid_angles
-from glossbench.envmap.projections.resampling import resized
+from glossbench.envmap.projections.resampling import resize
 from glossbench.errors import InputError
 from glossbench.scene.virtual_cube import LEAST_COSINE, tangent, valid_pairs, virtual_directions
 from glossbench.shading.kernels import fused
@@ -114,16 +114,16 @@ def sample_lighting_function(
         raise InputError(f"the lighting function: {reason}")
     device = light.faces.device
     n_texels = min(light_edge, light.resolution)
-    faces = light.faces.cpu() if n_texels == light.resolution else resized(light.faces.cpu(), n_texels)
+    faces = light.faces.cpu() if n_texels == light.resolution else resize(light.faces.cpu(), n_texels)
     texels = virtual_directions(n_texels).float().to(device)
     weights = texel_weights(n_texels, weight).float().to(device)
-    rotated = faces.reshape(-1, 3)[_images_of_texels(n_texels)].to(device)  # (24, texels, 3)
-    directions, images = virtual_directions(edge), _images_of_texels(edge)
+    rotated = faces.reshape(-1, 3)[_rotate_texels(n_texels)].to(device)  # (24, texels, 3)
+    directions, images = virtual_directions(edge), _rotate_texels(edge)
     lo = torch.zeros(len(directions), len(directions), 3, dtype=torch.float64, device=device)
     first = images.min(0).values.unique()  # one normal of each orbit
     n_values = len(first) * len(directions) * len(texels) // 4
     fuse = n_values >= _FUSE_ABOVE if fuse is None else fuse
-    kernel: Kernel = fused(_light_weights) if fuse else _light_weights
+    kernel: Kernel = fused(_weigh_light) if fuse else _weigh_light
     reflectance = material.reflectance(str(device))
     counted = 0
     with torch.no_grad():
@@ -131,7 +131,7 @@ def sample_lighting_function(
             n = directions[one]
             seen = (directions @ n > LEAST_COSINE).nonzero()[:, 0]
             lit = (texels @ n.float().to(device) > 0).nonzero()[:, 0]
-            sums = _sums(
+            sums = _sum_radiance(
                 kernel, reflectance, n, directions[seen].to(device), texels[lit], weights[lit], rotated[:, lit]
             )
             lo[images[:, one, None], images[:, seen]] = sums
@@ -140,7 +140,7 @@ def sample_lighting_function(
     return LightingSamples(lo[pairs[:, 0], pairs[:, 1]], pairs, edge, counted)
 
 
-def _sums(
+def _sum_radiance(
     kernel: Kernel, reflectance: Reflectance, n: Tensor, views: Tensor, texels: Tensor, weights: Tensor, rotated: Tensor
 ) -> Tensor:
     """Lo for one normal and its views under each of 24 rotated lights (24, texels, 3): (24, views, 3), float64."""
@@ -159,12 +159,12 @@ def _sums(
     return total.permute(2, 1, 0)
 
 
-def _light_weights(reflectance: Reflectance, wo: Vec3, wi: Vec3, weights: Tensor) -> tuple[Tensor, ...]:
+def _weigh_light(reflectance: Reflectance, wo: Vec3, wi: Vec3, weights: Tensor) -> tuple[Tensor, ...]:
     """f g cos_i, (views, texels), for each channel."""
     return tuple(f * (wi.z * weights) for f in reflectance.f(wo, wi))
 
 
-def _rotations() -> Tensor:
+def _list_rotations() -> Tensor:
     """The 24 rotations of a cube onto itself, (24, 3, 3), float64: permutations of the axes with signs."""
     eye = torch.eye(3, dtype=torch.float64)
     signs = [torch.tensor(s, dtype=torch.float64)[:, None] for s in product((1.0, -1.0), repeat=3)]
@@ -172,9 +172,9 @@ def _rotations() -> Tensor:
     return torch.stack([m for m in turned if torch.linalg.det(m) > 0])
 
 
-def _images_of_texels(edge: int) -> Tensor:
+def _rotate_texels(edge: int) -> Tensor:
     """The texel to which each rotation maps each texel, (24, 6 edge^2)."""
-    turned = virtual_directions(edge) @ _rotations().transpose(1, 2)
+    turned = virtual_directions(edge) @ _list_rotations().transpose(1, 2)
     face, s, t, _ = face_coordinates(vec3(turned))
     column, row = (((c + 1) * edge / 2).floor().long().clamp(0, edge - 1) for c in (s, t))
     return (face.long() * edge + row) * edge + column

@@ -40,9 +40,9 @@ class Partition:
         return self.solid_angle.shape[0]
 
 
-def whole(light: CubeMap) -> Partition:
+def make_whole(light: CubeMap) -> Partition:
     """The light as one region."""
-    return _described(light, torch.zeros(light.faces.shape[:3], dtype=torch.int32), 1)
+    return _describe_regions(light, torch.zeros(light.faces.shape[:3], dtype=torch.int32), 1)
 
 
 def median_cut(light: CubeMap, n_regions: int) -> Partition:
@@ -71,13 +71,13 @@ def median_cut(light: CubeMap, n_regions: int) -> Partition:
     index = torch.empty(6, r, r, dtype=torch.int32)
     first = 0
     for face, n in enumerate(counts):
-        for region, (top, bottom, left, right) in enumerate(_boxes(power[face].numpy(), n), start=first):
+        for region, (top, bottom, left, right) in enumerate(_cut_boxes(power[face].numpy(), n), start=first):
             index[face, top:bottom, left:right] = region
         first += n
-    return _described(light, index, n_regions)
+    return _describe_regions(light, index, n_regions)
 
 
-def _boxes(power: NDArray[np.float64], n_regions: int) -> list[Box]:
+def _cut_boxes(power: NDArray[np.float64], n_regions: int) -> list[Box]:
     """Rectangles of one face."""
     r = power.shape[0]
     done: list[Box] = []
@@ -106,7 +106,7 @@ def _boxes(power: NDArray[np.float64], n_regions: int) -> list[Box]:
     return done
 
 
-def _described(light: CubeMap, index: Tensor, n: int) -> Partition:
+def _describe_regions(light: CubeMap, index: Tensor, n: int) -> Partition:
     """The partition with a given region for each texel."""
     device = light.faces.device
     region = index.reshape(-1).long()
@@ -115,11 +115,11 @@ def _described(light: CubeMap, index: Tensor, n: int) -> Partition:
     d = stack(texel_directions(light.resolution)).reshape(-1, 3).double()
     weight = (radiance @ torch.tensor(LUMINANCE, dtype=torch.float64)) * solid_angle
 
-    def summed(values: Tensor) -> Tensor:
+    def sum_by_region(values: Tensor) -> Tensor:
         return torch.zeros(n, *values.shape[1:], dtype=torch.float64).index_add_(0, region, values)
 
-    bright, plain = summed(d * weight[:, None]), summed(d * solid_angle[:, None])
-    mass, area = summed(weight)[:, None], summed(solid_angle)[:, None]
+    bright, plain = sum_by_region(d * weight[:, None]), sum_by_region(d * solid_angle[:, None])
+    mass, area = sum_by_region(weight)[:, None], sum_by_region(solid_angle)[:, None]
     centroid = torch.where(mass > 0, bright / mass.clamp(min=1e-300), plain / area)
     up = torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64)
     centroid = torch.where(centroid.norm(dim=1, keepdim=True) > 1e-6, centroid, up)
@@ -127,6 +127,6 @@ def _described(light: CubeMap, index: Tensor, n: int) -> Partition:
     return Partition(
         index.to(device),
         Vec3(*(c.float().to(device) for c in direction)),
-        summed(radiance * solid_angle[:, None]).float().to(device),
+        sum_by_region(radiance * solid_angle[:, None]).float().to(device),
         area[:, 0].float().to(device),
     )

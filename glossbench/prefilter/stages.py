@@ -9,13 +9,13 @@ from glossbench.envmap.harmonics import irradiance_coefficients
 from glossbench.envmap.paraboloid import Paraboloid, build_paraboloid
 from glossbench.envmap.pyramid import Pyramid, build_pyramid
 from glossbench.shading.method import stage
-from glossbench.shading.stage_cache import option_of
+from glossbench.shading.stage_cache import read_option
 
 
 @stage
 def pyramid(self: Any, light: CubeMap) -> Pyramid | Paraboloid:
     """The filtered light, by the method's `mip_filter`: a cube, or a dual paraboloid if its `projection` says so."""
-    if option_of(self, "projection", "cube") == "dual_paraboloid":
+    if read_option(self, "projection", "cube") == "dual_paraboloid":
         return build_paraboloid(light, self.mip_filter)
     return build_pyramid(light, self.mip_filter)
 

@@ -17,7 +17,7 @@ def leave(code: object) -> None:
         os._exit(code if isinstance(code, int) else 0 if code is None else 1)
 
 
-def children() -> set[int]:
+def find_children() -> set[int]:
     """Ids of the processes that this one has started; empty if the system does not list them."""
     found = set()
     for path in Path("/proc").glob("[0-9]*/stat"):
@@ -30,7 +30,7 @@ def children() -> set[int]:
 
 def end_children(but: set[int]) -> None:
     """End the processes that this one has started, except those in `but` and torch's compilers."""
-    for pid in children() - but:
+    for pid in find_children() - but:
         with suppress(OSError):
             if b"_inductor" not in Path(f"/proc/{pid}/cmdline").read_bytes():
                 os.kill(pid, signal.SIGKILL)

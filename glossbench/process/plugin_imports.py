@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from glossbench.process.state import Restored
+from glossbench.process.state import ProcessRestorer
 from glossbench.process.time_limit import time_limit
 
 
@@ -21,5 +21,5 @@ def loading(what: str, seconds: float) -> Iterator[None]:
         print(f"error: {text}", file=sys.__stderr__)
 
     # The purpose of a module may be to watch or replace calls of the system, so its changes to os stay.
-    with Restored(what, but=("os",)), time_limit(seconds, give_up):
+    with ProcessRestorer(what, but=("os",)), time_limit(seconds, give_up):
         yield

@@ -29,13 +29,13 @@ def _put_environment(before: dict[str, str]) -> None:
     os.environ.update(before)
 
 
-def _umask() -> int:
+def _read_umask() -> int:
     now = os.umask(0o077)
     os.umask(now)
     return now
 
 
-def _handlers() -> dict[int, Any]:
+def _read_handlers() -> dict[int, Any]:
     """Handlers of the signals that end a process; empty in a thread that cannot change them."""
     if threading.current_thread() is not threading.main_thread():
         return {}
@@ -48,11 +48,11 @@ def _put_handlers(before: dict[int, Any]) -> None:
             signal.signal(number, handler)
 
 
-def _blocked() -> set[int]:
+def _read_blocked() -> set[int]:
     return set(signal.pthread_sigmask(signal.SIG_BLOCK, [])) if hasattr(signal, "pthread_sigmask") else set()
 
 
-def _limits() -> dict[int, tuple[int, int]]:
+def _read_limits() -> dict[int, tuple[int, int]]:
     try:
         import resource
     except ImportError:  # this system does not have it
@@ -72,7 +72,7 @@ def _put_filters(before: list[Any]) -> None:
     warnings.filters[:] = before  # type: ignore[index]
 
 
-def _logging() -> tuple[int, list[logging.Handler], int]:
+def _read_logging() -> tuple[int, list[logging.Handler], int]:
     root = logging.getLogger()
     return root.level, list(root.handlers), logging.root.manager.disable
 
@@ -88,19 +88,19 @@ def _put_device(before: torch.device) -> None:
     torch.set_default_device(None if before == torch.device("cpu") else before)
 
 
-def _modes() -> tuple[int, int]:
+def _count_modes() -> tuple[int, int]:
     """The number of open blocks that see all calculations of torch and may change them."""
     return torch._C._len_torch_function_stack(), len(_python_dispatch._get_current_dispatch_mode_stack())
 
 
 def _put_modes(before: tuple[int, int]) -> None:
     pops: tuple[Callable[[], Any], ...] = overrides._pop_mode, _python_dispatch._pop_mode
-    for pop, n in zip(pops, map(sub, _modes(), before), strict=True):
+    for pop, n in zip(pops, map(sub, _count_modes(), before), strict=True):
         for _ in range(n):
             pop()
 
 
-def _mathematics() -> ctypes.CDLL | None:
+def _load_mathematics() -> ctypes.CDLL | None:
     """The C library that reads and sets the rounding mode of the processor."""
     for name in ("libm.so.6", "libm.dylib"):
         with suppress(OSError):
@@ -108,10 +108,10 @@ def _mathematics() -> ctypes.CDLL | None:
     return None
 
 
-_MATHEMATICS = _mathematics()
+_MATHEMATICS = _load_mathematics()
 
 
-def _rounding() -> int:
+def _read_rounding() -> int:
     return int(_MATHEMATICS.fegetround()) if _MATHEMATICS else 0
 
 
@@ -123,7 +123,7 @@ def _put_rounding(before: int) -> None:
 _TIMERS = tuple(getattr(signal, name) for name in ("ITIMER_VIRTUAL", "ITIMER_PROF") if hasattr(signal, name))
 
 
-def _timers() -> list[tuple[float, float]]:
+def _read_timers() -> list[tuple[float, float]]:
     """Timers that count processor time. The timer of the clock belongs to the time limit."""
     return [signal.getitimer(timer) for timer in _TIMERS]
 
@@ -141,7 +141,7 @@ def _put_inference(before: bool) -> None:
     _ENTERED[-1].__enter__()
 
 
-def _deterministic() -> tuple[bool, bool]:
+def _read_determinism() -> tuple[bool, bool]:
     return torch.are_deterministic_algorithms_enabled(), torch.is_deterministic_algorithms_warn_only_enabled()
 
 
@@ -161,29 +161,31 @@ class Setting(NamedTuple):
 
 SETTINGS = (
     Setting("torch's device", torch.get_default_device, _put_device),
-    Setting("torch's modes", _modes, _put_modes),  # must precede every setting that computes
-    Setting("how numbers are rounded", _rounding, _put_rounding),
+    Setting("torch's modes", _count_modes, _put_modes),  # must precede every setting that computes
+    Setting("how numbers are rounded", _read_rounding, _put_rounding),
     Setting("the working folder", os.getcwd, os.chdir),
     Setting("the environment", lambda: dict(os.environ), _put_environment),
     Setting("the locale", lambda: locale.setlocale(locale.LC_ALL), lambda v: locale.setlocale(locale.LC_ALL, v)),
-    Setting("the mode of new files", _umask, os.umask),
-    Setting("signals", _handlers, _put_handlers),
-    Setting("timers", _timers, _put_timers),
-    Setting("blocked signals", _blocked, lambda v: signal.pthread_sigmask(signal.SIG_SETMASK, v)),
-    Setting("limits", _limits, _put_limits),
+    Setting("the mode of new files", _read_umask, os.umask),
+    Setting("signals", _read_handlers, _put_handlers),
+    Setting("timers", _read_timers, _put_timers),
+    Setting("blocked signals", _read_blocked, lambda v: signal.pthread_sigmask(signal.SIG_SETMASK, v)),
+    Setting("limits", _read_limits, _put_limits),
     Setting("tracing", sys.gettrace, sys.settrace),
     Setting("profiling", sys.getprofile, sys.setprofile),
     Setting("the interval of threads", sys.getswitchinterval, sys.setswitchinterval),
     Setting("the garbage collector", gc.isenabled, lambda v: gc.enable() if v else gc.disable()),
     Setting("warnings", lambda: list(warnings.filters), _put_filters),
-    Setting("logging", _logging, _put_logging),
+    Setting("logging", _read_logging, _put_logging),
     Setting("numpy's errors", np.geterr, lambda v: np.seterr(**v)),
     Setting("torch's type", torch.get_default_dtype, torch.set_default_dtype),
     Setting("torch's threads", torch.get_num_threads, torch.set_num_threads),
     Setting("torch's gradients", torch.is_grad_enabled, torch.set_grad_enabled),
     Setting("torch's inference mode", torch.is_inference_mode_enabled, _put_inference),
     Setting("torch's anomalies", torch.is_anomaly_enabled, torch.set_anomaly_enabled),
-    Setting("torch's algorithms", _deterministic, lambda v: torch.use_deterministic_algorithms(v[0], warn_only=v[1])),
+    Setting(
+        "torch's algorithms", _read_determinism, lambda v: torch.use_deterministic_algorithms(v[0], warn_only=v[1])
+    ),
     Setting("torch's precision", torch.get_float32_matmul_precision, torch.set_float32_matmul_precision),
     Setting(
         "torch's autocast", lambda: torch.is_autocast_enabled("cpu"), lambda v: torch.set_autocast_enabled("cpu", v)

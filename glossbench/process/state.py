@@ -31,7 +31,7 @@ _CLASSES = (
 _LEFT = {("sys", name) for name in ("last_type", "last_value", "last_traceback", "last_exc", "ps1", "ps2")}
 
 
-class Restored:
+class ProcessRestorer:
     """Context manager: after the block the process is as it was before it, even if the block raises an error.
 
     It restores the working folder, environment, locale, mode of new files, limits, signals, recursion limit, standard
@@ -57,16 +57,16 @@ class Restored:
         self._files = {name: getattr(sys, name) for name in ("stdin", "stdout", "stderr")}
         self._modules = dict(sys.modules)
         self._registered = [(registry, dict(registry._classes)) for registry in Registry.every]
-        self._members = [(owner, dict(vars(owner))) for owner in _owners() if owner.__name__ not in self._but]
-        self._settings = [(setting, _now(setting)) for setting in (*SETTINGS, *GENERATORS)]
-        threading.Thread.start = _daemonic(self._thread, threading.Thread.start)  # type: ignore[method-assign]
+        self._members = [(owner, dict(vars(owner))) for owner in _find_owners() if owner.__name__ not in self._but]
+        self._settings = [(setting, _read_value(setting)) for setting in (*SETTINGS, *GENERATORS)]
+        threading.Thread.start = _make_daemonic(self._thread, threading.Thread.start)  # type: ignore[method-assign]
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
         sys.setrecursionlimit(self._recursion)  # first, because what follows needs nested calls
         if os.getpid() != self._pid:
             os._exit(1)
-        self._modules_put_back()
-        failed = [*self._members_put_back(), *self._streams_put_back()]
+        self._restore_modules()
+        failed = [*self._restore_members(), *self._restore_streams()]
         for setting, before in self._settings:
             try:
                 if before is not _NOTHING and (setting in GENERATORS or setting.get() != before):
@@ -76,7 +76,7 @@ class Restored:
         if failed and error is None:
             raise MethodError(f"{self._by} changes {', '.join(failed)} of this process, which cannot be put back")
 
-    def _modules_put_back(self) -> None:
+    def _restore_modules(self) -> None:
         """Put back entries that sys.modules and the registries have lost, except modules of plug-ins.
 
         Plug-ins may change and are loaded again.
@@ -89,7 +89,7 @@ class Restored:
             for name, cls in classes.items():
                 registry._classes.setdefault(name, cls)
 
-    def _members_put_back(self) -> Iterator[str]:
+    def _restore_members(self) -> Iterator[str]:
         for owner, before in self._members:
             now = vars(owner)
             if _is_equal(now, before):
@@ -103,7 +103,7 @@ class Restored:
                     except (AttributeError, TypeError):
                         yield f"{owner.__name__}.{name}"
 
-    def _streams_put_back(self) -> Iterator[str]:
+    def _restore_streams(self) -> Iterator[str]:
         for fd, kept in self._streams:
             if kept is None:
                 continue
@@ -138,7 +138,7 @@ def _is_inherited(owner: ModuleType | type, name: str) -> bool:
 _NOTHING = object()
 
 
-def _now(setting: Setting) -> Any:
+def _read_value(setting: Setting) -> Any:
     """The value of a setting; _NOTHING if it does not exist any more, such as a deleted working folder."""
     try:
         return setting.get()
@@ -161,7 +161,7 @@ def _is_same(fd: int, kept: int) -> bool:
     return (a.st_dev, a.st_ino) == (b.st_dev, b.st_ino)
 
 
-def _daemonic(of: int, start: Callable[..., None]) -> Callable[..., None]:
+def _make_daemonic(of: int, start: Callable[..., None]) -> Callable[..., None]:
     """A Thread.start with which threads do not keep the process alive if the thread `of` starts them.
 
     The same holds for the threads that those start.
@@ -183,16 +183,16 @@ def is_foreign(cls: type) -> bool:
 
 
 def guarded(cls: type) -> AbstractContextManager[None]:
-    """The context for calls of a class: `Restored` for a plug-in's class; our own classes do not change the process."""
-    return Restored(cls.__name__) if is_foreign(cls) else nullcontext()
+    """The context for calls of a class: `ProcessRestorer` for a plug-in's class, as ours do not change the process."""
+    return ProcessRestorer(cls.__name__) if is_foreign(cls) else nullcontext()
 
 
-def _owners() -> Iterator[ModuleType | type]:
+def _find_owners() -> Iterator[ModuleType | type]:
     """Modules and classes whose members must not change: those that this package calls, and its own."""
     loaded = dict(sys.modules)
     yield from (loaded[name] for name in _CALLED if isinstance(loaded.get(name), ModuleType))
-    yield from _ours()
-    for module in _ours():
+    yield from _find_ours()
+    for module in _find_ours():
         yield from (v for v in dict(vars(module)).values() if isinstance(v, type) and v.__module__ == module.__name__)
     for path in _CLASSES:
         module_name, _, name = path.rpartition(".")
@@ -201,7 +201,7 @@ def _owners() -> Iterator[ModuleType | type]:
             yield cls
 
 
-def _ours() -> list[ModuleType]:
+def _find_ours() -> list[ModuleType]:
     return [
         module for name, module in dict(sys.modules).items() if name == "glossbench" or name.startswith("glossbench.")
     ]

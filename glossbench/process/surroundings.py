@@ -41,7 +41,7 @@ SWITCHES = (
 NUMPY = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}
 
 
-class _Held:
+class _SwitchHolder:
     """The switches of the process: the first thread to enter a call sets them, the last one to leave restores them."""
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class _Held:
                 self.found = []
 
 
-_held = _Held()
+_held = _SwitchHolder()
 _this_thread = threading.local()
 _has_computed = False
 
@@ -104,7 +104,7 @@ def settled() -> Iterator[None]:
         _this_thread.is_within = False
 
 
-def _in_forked_child() -> None:
+def _reset_forked_child() -> None:
     """In a forked child, restore the switches that threads of the parent have set, and compute with one thread.
 
     The threads of the parent do not exist in the child. OpenMP's threads do not survive a fork either, so work given to
@@ -113,7 +113,7 @@ def _in_forked_child() -> None:
     global _held
     if not _has_computed:
         return
-    left, _held = _held, _Held()
+    left, _held = _held, _SwitchHolder()
     if getattr(_this_thread, "is_within", False):
         _held.n_threads, _held.found = 1, left.found
     else:
@@ -128,4 +128,4 @@ def _in_forked_child() -> None:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_in_forked_child)
+    os.register_at_fork(after_in_child=_reset_forked_child)

@@ -24,9 +24,9 @@ class Attempt:
         self._path = folder / f"{key}.begun"
         self._tries = tries
         self._is_ours = False
-        self.ended = self._before()
+        self.ended = self._count_before()
 
-    def _before(self) -> int:
+    def _count_before(self) -> int:
         """How often the process ended during this work; 0 if another run is doing it now."""
         try:
             mark = json.loads(self._path.read_text(encoding="utf-8"))
@@ -45,7 +45,7 @@ class Attempt:
     @property
     def told(self) -> str:
         """Why the work is passed over."""
-        return f"the process ended {self.ended} times in here, killed or out of memory: passed over"
+        return f"the process ended {self.ended} times here, killed or out of memory: skipped"
 
     def begin(self) -> None:
         """Write the mark."""

@@ -14,11 +14,11 @@ from glossbench.atomic import replacing
 from glossbench.envmap.formats.files import read_pixels, write_exr
 from glossbench.run.folder import Folder
 from glossbench.shading.image import Image
-from glossbench.strict_json import numbers
+from glossbench.strict_json import restore_numbers
 from glossbench.truth.reference import Reference
 
 
-def key_of(parts: Any) -> str:
+def make_key(parts: Any) -> str:
     """A key for files: the first 80 bits of the SHA-256 of JSON data."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:20]
 
@@ -46,11 +46,11 @@ class CellFiles:
 
     def cell(self, key: str) -> dict[str, Any]:
         """The row of one cell; ValueError if its file is damaged."""
-        return numbers(self.disk.read(f"cells/{key}.json"))
+        return restore_numbers(self.disk.read(f"cells/{key}.json"))
 
-    def damage_of_cell(self, key: str) -> str:
+    def find_cell_damage(self, key: str) -> str:
         """The damage to the files of an existing cell, in words; "" if all are as they were written."""
-        return self.disk.damage(f"cells/{key}.json")
+        return self.disk.find_damage(f"cells/{key}.json")
 
     def add_cell(self, row: dict[str, Any], image: Image | None, half_vectors: NDArray[np.float32] | None) -> None:
         """Write a cell. Its row comes last, because the row marks the cell as done."""
@@ -73,9 +73,9 @@ class CellFiles:
         """Whether this reference is done."""
         return self.disk.path(f"references/{key}.json").is_file()
 
-    def damage_of_reference(self, key: str) -> str:
+    def find_reference_damage(self, key: str) -> str:
         """The damage to the files of an existing reference, in words; "" if all are as they were written."""
-        return self.disk.damage(f"references/{key}.json")
+        return self.disk.find_damage(f"references/{key}.json")
 
     def add_reference(self, key: str, truth: Reference, seconds: float) -> None:
         """Write a reference. Its numbers come last, because they mark it as done."""
@@ -98,15 +98,15 @@ class CellFiles:
 
     def image(self, key: str) -> NDArray[np.float32]:
         """Radiance (H, W, 3) of a cell's image."""
-        return self._pixels(f"images/{key}.exr")
+        return self._read_pixels(f"images/{key}.exr")
 
     def reference(self, key: str) -> NDArray[np.float32]:
         """Radiance (H, W, 3) of a reference."""
-        return self._pixels(f"references/{key}.exr")
+        return self._read_pixels(f"references/{key}.exr")
 
     def standard_error(self, key: str) -> NDArray[np.float32]:
         """Standard error (H, W, 3) of a reference."""
-        return self._pixels(f"references/{key}_standard_error.exr")
+        return self._read_pixels(f"references/{key}_standard_error.exr")
 
     def deviates(self, key: str) -> NDArray[np.float16]:
         """Deviations (G, H, W, 3) of the groups of replicates of a reference [standard errors]."""
@@ -127,9 +127,9 @@ class CellFiles:
         """Pictures (H, W, 3) of the state of a cell's method, by name."""
         stem = f"{key}_state_"
         names = sorted(path.name for path in self.disk.path("images").glob(f"{stem}*.exr"))
-        return {name.removeprefix(stem).removesuffix(".exr"): self._pixels(f"images/{name}") for name in names}
+        return {name.removeprefix(stem).removesuffix(".exr"): self._read_pixels(f"images/{name}") for name in names}
 
-    def _pixels(self, name: str) -> NDArray[np.float32]:
+    def _read_pixels(self, name: str) -> NDArray[np.float32]:
         return np.asarray(read_pixels(self.disk.path(name)))
 
     def _write_image(self, name: str, image: Tensor) -> str:

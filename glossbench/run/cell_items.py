@@ -9,16 +9,16 @@ from glossbench.errors import MethodError
 from glossbench.metrics import METRICS, Metric
 from glossbench.options import copy_of
 from glossbench.process.state import is_foreign
-from glossbench.provenance import source_hash
-from glossbench.run.study_lights import Changed
+from glossbench.provenance import compute_source_hash
+from glossbench.run.study_lights import ChangedInput
 from glossbench.scene.points import View
 from glossbench.shading.method import Method
-from glossbench.shading.outputs import key_text
+from glossbench.shading.outputs import check_key
 from glossbench.study.cells import Cell
 
 
 @dataclass(frozen=True)
-class Made:
+class CellParts:
     """The material, view and method of a cell, and their keys as text.
 
     They are copies, because a plug-in may write into them. What they read from files is released with the cell.
@@ -30,16 +30,16 @@ class Made:
     keys: tuple[str, ...]
 
     @classmethod
-    def of(cls, cell: Cell) -> "Made":
+    def from_cell(cls, cell: Cell) -> "CellParts":
         """The parts of a cell; raises whatever a plug-in raises."""
         material, view, method = copy_of(cell.material), copy_of(cell.view), copy_of(cell.method)
-        return cls(material, view, method, tuple(key_text(each.name, each.key()) for each in (material, view, method)))
+        return cls(material, view, method, tuple(check_key(each.name, each.key()) for each in (material, view, method)))
 
     def check_unchanged(self, cell: Cell) -> None:
         """Check that the files which they read are still those that the keys name.
 
         Raises:
-            Changed: a file has changed.
+            ChangedInput: a file has changed.
             MethodError: the key of a plug-in differs at each call, or a plug-in wrote into one of our items.
         """
         for i, each in enumerate((self.material, self.view, self.method)):
@@ -47,9 +47,9 @@ class Made:
                 continue
             if is_foreign(type(each)):
                 raise MethodError(f"{each.name}.key returns a different text each time, or its file has changed")
-            if Made.of(cell).keys[i] == self.keys[i]:
-                raise MethodError(f"{self.method.name} writes into {each.name}, which others read")
-            raise Changed(f"a file of {each.name} has changed while the study ran; run it again")
+            if CellParts.from_cell(cell).keys[i] == self.keys[i]:
+                raise MethodError(f"{self.method.name} writes into {each.name}, which other cells read")
+            raise ChangedInput(f"a file of {each.name} has changed while the study ran; run it again")
 
 
 class Sources:
@@ -63,21 +63,21 @@ class Sources:
         self._metrics = {column: (type(metric), metric.as_dict()) for column, metric in metrics.items()}
         self._known: dict[type, str] = {}
 
-    def of(self, cell: Cell) -> dict[str, Any]:
+    def list_by_kind(self, cell: Cell) -> dict[str, Any]:
         """By kind, the hash of each class of a cell; for metrics a list of (column, options, hash)."""
-        light, material, view, method = map(self._hash, _classes(cell))
-        metrics = [[column, options, self._hash(cls)] for column, (cls, options) in self._metrics_of(cell).items()]
+        light, material, view, method = map(self._hash, _list_classes(cell))
+        metrics = [[column, options, self._hash(cls)] for column, (cls, options) in self._collect_metrics(cell).items()]
         return {"light": light, "material": material, "view": view, "method": method, "metrics": metrics}
 
-    def any_foreign(self, cell: Cell) -> bool:
+    def has_foreign(self, cell: Cell) -> bool:
         """Whether a plug-in takes part in a cell."""
-        return any(map(is_foreign, [*_classes(cell), *(cls for cls, _ in self._metrics_of(cell).values())]))
+        return any(map(is_foreign, [*_list_classes(cell), *(cls for cls, _ in self._collect_metrics(cell).values())]))
 
-    def foreign_inputs(self, cell: Cell) -> bool:
+    def has_foreign_inputs(self, cell: Cell) -> bool:
         """Whether the light, material or view comes from a plug-in."""
-        return any(map(is_foreign, _classes(cell)[:3]))
+        return any(map(is_foreign, _list_classes(cell)[:3]))
 
-    def _metrics_of(self, cell: Cell) -> dict[str, tuple[type, dict[str, Any]]]:
+    def _collect_metrics(self, cell: Cell) -> dict[str, tuple[type, dict[str, Any]]]:
         """All metrics that are measured, and the metric by which the cell is tuned."""
         tune = cell.tune
         if tune is None or tune.metric in self._metrics:
@@ -86,9 +86,9 @@ class Sources:
 
     def _hash(self, cls: type) -> str:
         if cls not in self._known:
-            self._known[cls] = source_hash(cls)
+            self._known[cls] = compute_source_hash(cls)
         return self._known[cls]
 
 
-def _classes(cell: Cell) -> tuple[type, ...]:
+def _list_classes(cell: Cell) -> tuple[type, ...]:
     return type(cell.light), type(cell.material), type(cell.view), type(cell.method)

@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 from glossbench.columns import CONDITIONS
 from glossbench.errors import InputError
 from glossbench.options import Options
-from glossbench.provenance import code_hash
+from glossbench.provenance import compute_code_hash
 from glossbench.run.attempts import OUR_TRIES, TRIES, Attempt
-from glossbench.run.cell_files import key_of
-from glossbench.run.cell_items import Made, Sources
+from glossbench.run.cell_files import make_key
+from glossbench.run.cell_items import CellParts, Sources
 from glossbench.run.results import Results
-from glossbench.run.study_lights import Changed, StudyLights
+from glossbench.run.study_lights import ChangedInput, StudyLights
 from glossbench.study.cells import Candidate, Cell
 from glossbench.study.study import Study
 
 
-class PassedOver(Exception):
+class AbandonedCell(Exception):
     """A cell that is not tried again, because it ended the process too often."""
 
 
@@ -54,15 +54,17 @@ class CellKeys:
         guard: Callable[[Cell, str], AbstractContextManager[None]],
     ) -> None:  # fmt: skip
         self.sources = Sources(study.measured)
-        self.code = code_hash("glossbench.run.measuring")  # includes the tuning, shading and metrics that it calls
-        self._common = [code_hash("glossbench.truth.reference"), study.reference.model_dump(), study.device]
+        self.code = compute_code_hash(
+            "glossbench.run.measuring"
+        )  # includes the tuning, shading and metrics that it calls
+        self._common = [compute_code_hash("glossbench.truth.reference"), study.reference.model_dump(), study.device]
         self._results, self._lights, self._guard = results, lights, guard
         self._marks = results.folder / "begun"
         self._study = study  # keeps its items alive, so that each id belongs to one of them
         self._known: dict[int, str] = {}
         self._spelled: dict[int, list[Any]] = {}
 
-    def of(self, cell: Cell, again: bool = False) -> Identity:
+    def identify(self, cell: Cell, again: bool = False) -> Identity:
         """The identity of a cell.
 
         Args:
@@ -71,10 +73,10 @@ class CellKeys:
         Raises:
             InputError: a file cannot be read, or has changed.
         """
-        sources, is_foreign = self.sources.of(cell), self.sources.any_foreign(cell)
-        items = {kind: self._stated(item) for kind, item in _items(cell).items()}
-        spelled = key_of([self.code, self._common, sources, items])
-        is_there = self._results.has_cell(spelled) and not self._results.damage_of_cell(spelled)
+        sources, is_foreign = self.sources.list_by_kind(cell), self.sources.has_foreign(cell)
+        items = {kind: self._state_item(item) for kind, item in _collect_items(cell).items()}
+        spelled = make_key([self.code, self._common, sources, items])
+        is_there = self._results.has_cell(spelled) and not self._results.find_cell_damage(spelled)
         if is_there and not again:
             return Identity(spelled, spelled)
         tried = Attempt(self._marks, spelled, TRIES if is_foreign else OUR_TRIES)
@@ -82,38 +84,40 @@ class CellKeys:
         for each in (tried, attempt):
             if each.is_hopeless and not is_there:
                 each.end()
-                return Identity(spelled, spelled, error=PassedOver(f"{each.told}; --rerun-failed tries again"))
+                return Identity(spelled, spelled, error=AbandonedCell(f"{each.told}; --rerun-failed tries again"))
         try:
             with self._guard(cell, spelled) if is_foreign else nullcontext():
                 if is_foreign:
                     attempt.begin()
-                keys = self._keys(cell, is_foreign)
+                keys = self._compute_keys(cell, is_foreign)
                 light_key = self._lights.key(cell.light)
         except BaseException as error:
-            if isinstance(error, KeyboardInterrupt | Changed) or (isinstance(error, InputError) and not is_foreign):
+            if isinstance(error, KeyboardInterrupt | ChangedInput) or (
+                isinstance(error, InputError) and not is_foreign
+            ):
                 raise
             return Identity(spelled, spelled, error=error)
         finally:
             attempt.end()
         stated = [[*items[kind], key] for kind, key in zip(("material", "view", "method"), keys, strict=True)]
-        reference_key = key_of([self._common, light_key, *(sources[place] for place in CONDITIONS), *stated[:2]])
-        key = key_of([reference_key, self.code, stated[2], sources["method"], sources["metrics"]])
+        reference_key = make_key([self._common, light_key, *(sources[place] for place in CONDITIONS), *stated[:2]])
+        key = make_key([reference_key, self.code, stated[2], sources["method"], sources["metrics"]])
         return Identity(key, spelled, reference_key, keys, ended=tried.ended)
 
-    def _keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:
+    def _compute_keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:
         if is_foreign:
-            return Made.of(cell).keys
+            return CellParts.from_cell(cell).keys
         items = cell.material, cell.view, cell.method
         for item in items:
             if id(item) not in self._known:
                 self._known[id(item)] = item.key()
         return tuple(self._known[id(item)] for item in items)
 
-    def _stated(self, item: Options | Candidate) -> list[Any]:
+    def _state_item(self, item: Options | Candidate) -> list[Any]:
         if id(item) not in self._spelled:
             self._spelled[id(item)] = [item.name, item.as_dict()]
         return self._spelled[id(item)]
 
 
-def _items(cell: Cell) -> dict[str, Options | Candidate]:
+def _collect_items(cell: Cell) -> dict[str, Options | Candidate]:
     return {"light": cell.light, "material": cell.material, "view": cell.view, "method": cell.candidate}

@@ -14,22 +14,22 @@ import numpy as np
 import torch
 
 from glossbench.columns import CellRecord
-from glossbench.digests import digest_of
+from glossbench.digests import compute_digest
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.light import Light
-from glossbench.errors import CannotWrite, MethodError
-from glossbench.process.state import Restored, is_foreign
+from glossbench.errors import MethodError, WriteError
+from glossbench.process.state import ProcessRestorer, is_foreign
 from glossbench.process.time_limit import time_limit
-from glossbench.provenance import glossbench_version, processor
+from glossbench.provenance import read_processor, read_version
 from glossbench.run.attempts import Attempt, remove_marks
-from glossbench.run.cell_items import Made
-from glossbench.run.cell_keys import CellKeys, Identity, PassedOver
-from glossbench.run.manifest import entry
+from glossbench.run.cell_items import CellParts
+from glossbench.run.cell_keys import AbandonedCell, CellKeys, Identity
+from glossbench.run.manifest import make_entry
 from glossbench.run.measuring import measure
 from glossbench.run.results import Results
-from glossbench.run.study_lights import Changed, StudyLights
+from glossbench.run.study_lights import ChangedInput, StudyLights
 from glossbench.shading.image import Image
-from glossbench.shading.outputs import check_view, notes_of, printable, reason_of
+from glossbench.shading.outputs import check_notes, check_reason, check_view, escape_surrogates
 from glossbench.shading.stage_cache import StageCache
 from glossbench.study.cells import Cell
 from glossbench.study.study import Study
@@ -63,7 +63,9 @@ class Executor:
         self.study, self.results, self.progress = study, results, progress
         self.use_cache, self.fail_fast = use_cache, fail_fast
         self.lights = StudyLights(study.device, results.folder / "begun")
-        self.keys = CellKeys(study, results, self.lights, lambda cell, key: self._guarded(cell, self._begun(cell, key)))
+        self.keys = CellKeys(
+            study, results, self.lights, lambda cell, key: self._guarded(cell, self._begin_record(cell, key))
+        )
         self._whole: dict[str, bool] = {}  # key of a reference -> whether it is on disk, undamaged
         self._truth: tuple[str, Reference] | None = None
         self._stages_light: Light | None = None
@@ -73,11 +75,11 @@ class Executor:
         """The row of a cell: read from disk, or made and written.
 
         Raises:
-            Changed: a file has changed since the run began.
-            CannotWrite: the folder of results cannot be written.
+            ChangedInput: a file has changed since the run began.
+            WriteError: the folder of results cannot be written.
         """
-        record = self._begun(cell, known.key, known.reference_key)
-        stored = self._stored(cell, record)
+        record = self._begin_record(cell, known.key, known.reference_key)
+        stored = self._read_stored(cell, record)
         if stored is not None and not (rerun_failed and stored["status"] == "failed"):
             return stored
         attempt = Attempt(self.results.folder / "begun", known.spelled)
@@ -85,39 +87,39 @@ class Executor:
             if known.error is not None:
                 raise known.error
             attempt.begin()
-            with self._guarded(cell, record) if self.keys.sources.any_foreign(cell) else nullcontext():
-                made = replace(Made.of(cell), keys=known.keys)
+            with self._guarded(cell, record) if self.keys.sources.has_foreign(cell) else nullcontext():
+                made = replace(CellParts.from_cell(cell), keys=known.keys)
                 made.check_unchanged(cell)
             record, image, half_vectors = self._execute(cell, record, made)
         except BaseException as error:
-            return self._failed(record, error)
+            return self._write_failure(record, error)
         finally:
             attempt.end()
         self.results.remove_cell(known.spelled)
-        return self._written(record, image, half_vectors)
+        return self._write_cell(record, image, half_vectors)
 
-    def _written(self, record: CellRecord, image: Image | None = None, half_vectors: Any = None) -> dict[str, Any]:
-        row = record.row()
+    def _write_cell(self, record: CellRecord, image: Image | None = None, half_vectors: Any = None) -> dict[str, Any]:
+        row = record.to_row()
         self.results.add_cell(row, image, half_vectors)
         return row
 
-    def _failed(self, record: CellRecord, error: BaseException) -> dict[str, Any]:
+    def _write_failure(self, record: CellRecord, error: BaseException) -> dict[str, Any]:
         """Write and return the row of a cell that raised; some exceptions end the run instead."""
         self._forget()
-        if isinstance(error, CannotWrite) and error.path.is_relative_to(self.results.folder):
+        if isinstance(error, WriteError) and error.path.is_relative_to(self.results.folder):
             raise error  # the folder is at fault, not the cell
-        if isinstance(error, KeyboardInterrupt | Changed) or (self.fail_fast and isinstance(error, Exception)):
+        if isinstance(error, KeyboardInterrupt | ChangedInput) or (self.fail_fast and isinstance(error, Exception)):
             raise error
         if self.fail_fast:
             raise MethodError(f"{record.method} raised {error!r}") from error
-        told = str(error) if isinstance(error, PassedOver) else "".join(traceback.format_exception(error))
-        return self._written(_failure(record, told))
+        told = str(error) if isinstance(error, AbandonedCell) else "".join(traceback.format_exception(error))
+        return self._write_cell(_make_failure(record, told))
 
-    def _execute(self, cell: Cell, record: CellRecord, made: Made) -> tuple[CellRecord, Image | None, Any]:
+    def _execute(self, cell: Cell, record: CellRecord, made: CellParts) -> tuple[CellRecord, Image | None, Any]:
         """(record of a cell with all measurements, its image, its pattern)."""
         material, view, method = made.material, made.view, made.method
         with self._guarded(cell, record):
-            reason = reason_of(method.name, method.supports(material, view.scene()))
+            reason = check_reason(method.name, method.supports(material, view.scene()))
             if reason is not None:
                 return replace(record, status="skipped", reason=reason), None, None
             if is_foreign(type(view)):
@@ -125,23 +127,23 @@ class Executor:
             light = self.lights.get(cell.light)
         if self._stages_light is not cell.light:  # stages of another light are not needed any more
             self._stages, self._stages_light = StageCache(self.progress.doing), cell.light
-        truth = self._reference(cell, record, light, made)
+        truth = self._provide_reference(cell, record, light, made)
         self.progress.doing(cell.method.name)
         with self._guarded(cell, record):
             # What cells share, apart from the light and the stages; a plug-in may write into it unnoticed.
-            shared = (truth, view.scene(), material.reflectance()) if self.keys.sources.any_foreign(cell) else ()
-            before = digest_of(*shared)
+            shared = (truth, view.scene(), material.reflectance()) if self.keys.sources.has_foreign(cell) else ()
+            before = compute_digest(*shared)
             record, image, half_vectors = measure(
                 record, method, cell.tune, self.study.measured, self._stages, light, material, view, truth
             )
-            notes = [note for each in (material, view, method) for note in notes_of(each.name, each.notes())]
+            notes = [note for each in (material, view, method) for note in check_notes(each.name, each.notes())]
             notes = [*self.lights.notes(cell.light), *notes]
             made.check_unchanged(cell)
             if not self.lights.is_intact():
-                raise MethodError(f"{method.name} writes into the light, which others read")
-            if digest_of(*shared) != before:
+                raise MethodError(f"{method.name} writes into the light, which other cells read")
+            if compute_digest(*shared) != before:
                 raise MethodError(
-                    f"{method.name} writes into the scene, the material or the reference, which others read"
+                    f"{method.name} writes into the scene, the material or the reference, which other cells read"
                 )
         record = replace(
             record, notes=notes, reference_noise=truth.noise, reference_peak_noise=float(truth.standard_error.max()),
@@ -151,7 +153,7 @@ class Executor:
         )  # fmt: skip
         return record, image, half_vectors
 
-    def _reference(self, cell: Cell, record: CellRecord, light: CubeMap, made: Made) -> Reference:
+    def _provide_reference(self, cell: Cell, record: CellRecord, light: CubeMap, made: CellParts) -> Reference:
         """The reference as read from disk, in float32, so that a resumed run compares with the same numbers."""
         key = record.reference_key
         if self._truth is not None and self._truth[0] == key:
@@ -163,7 +165,7 @@ class Executor:
 
                 def begin_round() -> None:
                     limits.close()  # the limit is per round, and only for plug-ins: a reference may take long
-                    if self.keys.sources.foreign_inputs(cell):
+                    if self.keys.sources.has_foreign_inputs(cell):
                         limits.enter_context(self._guarded(cell, record))
 
                 def tell(noise: float, n_samples: int) -> None:
@@ -195,25 +197,25 @@ class Executor:
         self._truth = (key, stored)
         return stored
 
-    def _stored(self, cell: Cell, record: CellRecord) -> dict[str, Any] | None:
+    def _read_stored(self, cell: Cell, record: CellRecord) -> dict[str, Any] | None:
         """The row of a cell on disk if all its files are undamaged, else None. Makes its reference again if needed."""
         key = record.key
         if not (self.use_cache and self.results.has_cell(key)):
             return None
-        if damage := self.results.damage_of_cell(key):
+        if damage := self.results.find_cell_damage(key):
             self.progress.note(f"{damage}: this cell is computed again")
             return None
         stored = self.results.cell(key)
         if stored["status"] == "done" and not self._has_reference(record.reference_key):
-            self._reference(cell, record, self.lights.get(cell.light), Made.of(cell))
+            self._provide_reference(cell, record, self.lights.get(cell.light), CellParts.from_cell(cell))
         # The key does not include the name of an image file, nor a seed that nothing used.
-        return stored | entry(record.row())
+        return stored | make_entry(record.to_row())
 
     def _has_reference(self, key: str) -> bool:
         """Whether a reference is on disk, undamaged; checked once per run."""
         if key not in self._whole:
             is_there = self.use_cache and self.results.has_reference(key)
-            damage = self.results.damage_of_reference(key) if is_there else ""
+            damage = self.results.find_reference_damage(key) if is_there else ""
             if damage:
                 self.progress.note(f"{damage}: this reference is computed again")
             self._whole[key] = is_there and not damage
@@ -223,23 +225,23 @@ class Executor:
     def _guarded(self, cell: Cell, record: CellRecord) -> Iterator[None]:
         """A context with the time limit. If plug-ins take part, it restores the state of the process at its end."""
         limit = time_limit(self.study.time_limit, partial(self._give_up, record, threading.get_ident()))
-        with Restored("a plug-in") if self.keys.sources.any_foreign(cell) else nullcontext(), limit:
+        with ProcessRestorer("a plug-in") if self.keys.sources.has_foreign(cell) else nullcontext(), limit:
             yield
 
     def _give_up(self, record: CellRecord, thread: int) -> None:
         """Write the row of a cell that cannot be interrupted, with its stack, before the process ends."""
         reason = f"took more than the time limit of {self.study.time_limit:g} s, and could not be interrupted"
         stack = "".join(traceback.format_stack(sys._current_frames()[thread]))
-        self._written(_failure(record, f"{stack}TimeoutError: {reason}\n"))
+        self._write_cell(_make_failure(record, f"{stack}TimeoutError: {reason}\n"))
         remove_marks(self.results.folder / "begun")
         print(f"error: {record.method} {reason}; the same command goes on with the next cell", file=sys.__stderr__)
 
-    def _begun(self, cell: Cell, key: str, reference_key: str = "") -> CellRecord:
+    def _begin_record(self, cell: Cell, key: str, reference_key: str = "") -> CellRecord:
         """The record of a cell before anything is measured."""
-        return cell.record(
+        return cell.make_record(
             key=key, reference_key=reference_key, light_key=self.lights.known_key(cell.light),
             metrics=dict.fromkeys(self.study.measured, float("nan")), code=self.keys.code[:20],
-            version=glossbench_version(), torch=torch.__version__, device=self.study.device, processor=processor(),
+            version=read_version(), torch=torch.__version__, device=self.study.device, processor=read_processor(),
             seed=self.study.seed,
         )  # fmt: skip
 
@@ -256,6 +258,6 @@ class Executor:
                     member.cache_clear()
 
 
-def _failure(record: CellRecord, reason: str) -> CellRecord:
+def _make_failure(record: CellRecord, reason: str) -> CellRecord:
     """The record of a cell that failed; lone surrogates, which the name of a file may contain, are escaped."""
-    return replace(record, status="failed", reason=printable(reason))
+    return replace(record, status="failed", reason=escape_surrogates(reason))

@@ -1,4 +1,4 @@
-"""A folder to which this program writes results. Its files may be damaged, or written by somebody else."""
+"""A folder to which this program writes results. Its files may be damaged, or written by another program."""
 
 import errno
 import os
@@ -13,9 +13,9 @@ from typing import Any
 import pandas
 
 from glossbench.atomic import remove_abandoned, replacing
-from glossbench.errors import CannotWrite, InputError
+from glossbench.errors import InputError, WriteError
 from glossbench.run.manifest import NAME, Manifest
-from glossbench.strict_json import sealed, unsealed
+from glossbench.strict_json import seal, unseal
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Folder:
                     raise NotADirectoryError(0, os.strerror(errno.ENOTDIR))
                 folder.mkdir(parents=True, exist_ok=True)
                 if not os.access(folder, os.W_OK | os.X_OK):
-                    raise PermissionError(0, "it may only be read; name another folder by -o")
+                    raise PermissionError(0, "it is read-only; choose another folder with -o")
                 remove_abandoned(folder)
         except UnicodeEncodeError:
             raise InputError(f"cannot write results to {str(self.root)!a}: the name is not UTF-8") from None
@@ -69,12 +69,12 @@ class Folder:
         """Record in the manifest that files are this program's, before they are written.
 
         Raises:
-            InputError: one of them exists and belongs to somebody else.
+            InputError: one of them exists and was not written by glossbench.
         """
         manifest = self.manifest
         manifest.check_foreign(self.root, names)
         if not os.access(self.root, os.W_OK | os.X_OK):
-            raise CannotWrite(self.root / names[0], "the folder may only be read")
+            raise WriteError(self.root / names[0], "the folder is read-only")
         if not set(names) <= set(manifest.files):
             replace(manifest, files={**manifest.files, **dict.fromkeys(names)}).write(self.root)
 
@@ -98,15 +98,15 @@ class Folder:
 
     def write_with(self, name: str, data: dict[str, Any], files: Iterable[str]) -> None:
         """Write a mapping as JSON, with checksums of itself and of other files, which must exist already."""
-        self.write(name, sealed({**data, "files": {other: self.checksum(other) for other in files}}))
+        self.write(name, seal({**data, "files": {other: self.compute_checksum(other) for other in files}}))
 
     def read(self, name: str) -> dict[str, Any]:
         """What `write_with` wrote; ValueError if the file is damaged."""
-        data = unsealed(self.path(name).read_bytes())
+        data = unseal(self.path(name).read_bytes())
         data.pop("files", None)
         return data
 
-    def checksum(self, name: str) -> str | None:
+    def compute_checksum(self, name: str) -> str | None:
         """SHA-256 of a file; None if it cannot be read."""
         try:
             with self.path(name).open("rb") as file:
@@ -114,32 +114,39 @@ class Folder:
         except OSError:
             return None
 
-    def damage(self, name: str) -> str:
+    def find_damage(self, name: str) -> str:
         """The damage to a file that `write_with` wrote, or to the files that it names: "" if there is none.
 
         A missing file, and results of older versions, which have no checksums, count as undamaged.
         """
         try:
-            stated = unsealed(self.path(name).read_bytes()).get("files", {})
-            return next((self.fault(other) for other, sha256 in stated.items() if self.checksum(other) != sha256), "")
+            stated = unseal(self.path(name).read_bytes()).get("files", {})
+            return next(
+                (
+                    self.explain_fault(other)
+                    for other, sha256 in stated.items()
+                    if self.compute_checksum(other) != sha256
+                ),
+                "",
+            )
         except FileNotFoundError:
             return ""
         except InputError:
             raise
         except (OSError, ValueError, AttributeError, TypeError):
-            return self.fault(name)
+            return self.explain_fault(name)
 
     def is_altered(self, name: str) -> bool:
         """Whether a file of a finished run has changed since the run wrote it."""
         checksum = self.manifest.files.get(name)
-        return checksum is not None and self.checksum(name) != checksum
+        return checksum is not None and self.compute_checksum(name) != checksum
 
     def write_table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write rows as Parquet; into an open file, because pandas may take a name for an address."""
         with replacing(self.path(name)) as part, part.open("wb") as file:
             pandas.DataFrame(rows).to_parquet(file, index=False)
 
-    def table(self, name: str) -> pandas.DataFrame | None:
+    def read_table(self, name: str) -> pandas.DataFrame | None:
         """The table in a file; None if it is damaged."""
         try:
             with self.path(name).open("rb") as file:
@@ -149,6 +156,6 @@ class Folder:
         except (OSError, ValueError):
             return None
 
-    def fault(self, name: str) -> str:
+    def explain_fault(self, name: str) -> str:
         """The message that a file is damaged or missing."""
         return f"{self.root / name} is {'damaged' if self.path(name).is_file() else 'missing'}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from glossbench.atomic import replacing
 from glossbench.errors import InputError
-from glossbench.strict_json import sealed, unsealed
+from glossbench.strict_json import seal, unseal
 
 NAME = "glossbench.json"
 SUMMARY = ("study.yaml", "provenance.json", "claims.json", "cells.parquet")
@@ -40,7 +40,7 @@ class Manifest:
         there = [name for name in (*SUMMARY, *KEPT, *REPORTS) if os.path.lexists(folder / name)]
         is_finished = set(SUMMARY) <= set(there)
         try:
-            data = unsealed((folder / NAME).read_bytes())
+            data = unseal((folder / NAME).read_bytes())
             cells, files = tuple(data["cells"]), dict(data["files"])
             if all(set(ENTRY) <= set(cell) for cell in cells):
                 return Manifest(cells, files, data["is_finished"] is True)
@@ -51,15 +51,15 @@ class Manifest:
         return Manifest((), dict.fromkeys(there), is_finished)
 
     def check_foreign(self, folder: Path, names: Iterable[str]) -> None:
-        """InputError if one of these files exists and belongs to somebody else."""
+        """InputError if one of these files exists and was not written by glossbench."""
         for name in names:
             if name not in self.files and os.path.lexists(folder / name):
                 raise InputError(
-                    f"{folder / name} was not written by glossbench, and would be lost: move it away, or name another "
-                    "place by -o"
+                    f"{folder / name} was not written by glossbench, and would be lost: move it away, or choose "
+                    "another folder with -o"
                 )
 
-    def missing(
+    def find_missing(
         self, before: Mapping[str, Any] | None, study: Mapping[str, Any], cells: Iterable[Mapping[str, Any]]
     ) -> list[str]:
         """What the folder has, in a few words each, and another resolved study with these cells does not have.
@@ -73,39 +73,39 @@ class Manifest:
             return []
         if before is None:
             return [f"{len(gone)} cells of a study.yaml that is damaged"] if gone else []
-        return _lost(before, study)
+        return _find_lost(before, study)
 
     def write(self, folder: Path) -> None:
         """Write the manifest in place of the previous one."""
         data = {"cells": list(self.cells), "files": dict(self.files), "is_finished": self.is_finished}
         with replacing(folder / NAME) as part:
-            part.write_text(sealed(data))
+            part.write_text(seal(data))
 
 
-def entry(row: Mapping[str, Any]) -> dict[str, Any]:
+def make_entry(row: Mapping[str, Any]) -> dict[str, Any]:
     """The entry of a manifest for the row of a cell."""
     return {column: row[column] for column in ENTRY if column in row}
 
 
-def listed(texts: Iterable[str], most: int = 4) -> str:
+def join_first(texts: Iterable[str], most: int = 4) -> str:
     """Texts in one line: the first ones, and the number of the others."""
     every = list(texts)
     return ", ".join(every[:most]) + (f" and {len(every) - most} more" if len(every) > most else "")
 
 
-def _lost(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+def _find_lost(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """What an old resolved study compares and a new one does not; empty if the new one has all of it."""
     found = [
         f"{kind.removesuffix('s')} {next(iter(item))}" for kind in LISTED for item in old[kind] if item not in new[kind]
     ]
     gone = [each for each in old["metrics"] if each not in new["metrics"]]
     found += [f"metric {each if isinstance(each, str) else next(iter(each))}" for each in gone]
-    found += [f"{key} {_differing(old[key], new[key])}" for key in STATED if old[key] != new[key]]
+    found += [f"{key} {_describe_difference(old[key], new[key])}" for key in STATED if old[key] != new[key]]
     found += ["cells that it excludes" for entry in new["exclude"] if entry not in old["exclude"]]
     return list(dict.fromkeys(found))
 
 
-def _differing(old: Any, new: Any) -> str:
+def _describe_difference(old: Any, new: Any) -> str:
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         return ", ".join(f"{key} {value}" for key, value in old.items() if new.get(key) != value)
     return str(old)

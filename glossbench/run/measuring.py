@@ -17,14 +17,14 @@ from glossbench.run.tuning import tune_option
 from glossbench.scene.points import View
 from glossbench.shading.image import Image, shade
 from glossbench.shading.method import Method
-from glossbench.shading.outputs import number_of, pattern_of
+from glossbench.shading.outputs import check_number, check_pattern
 from glossbench.shading.stage_cache import StageCache
-from glossbench.study.cells import Tune
-from glossbench.truth.jackknife import unbiased
+from glossbench.study.cells import Tuning
+from glossbench.truth.jackknife import remove_bias
 from glossbench.truth.reference import Reference
 
 
-class Measured(NamedTuple):
+class Measurement(NamedTuple):
     """The record of a cell, its image, and the pattern (N, 2) of a method that has one."""
 
     record: CellRecord
@@ -33,9 +33,9 @@ class Measured(NamedTuple):
 
 
 def measure(
-    record: CellRecord, method: Method, tune: Tune | None, metrics: Mapping[str, Metric], cache: StageCache,
+    record: CellRecord, method: Method, tune: Tuning | None, metrics: Mapping[str, Metric], cache: StageCache,
     light: CubeMap, material: Material, view: View, truth: Reference,
-) -> Measured:  # fmt: skip
+) -> Measurement:  # fmt: skip
     """Shade a material under a light with a method, and compare the image with the reference.
 
     Args:
@@ -51,39 +51,39 @@ def measure(
     """
     tuned: dict[str, float] = {}
 
-    def metric_of(metric: Metric, image: Image, reference: Reference = truth) -> float:
+    def compute_metric(metric: Metric, image: Image, reference: Reference = truth) -> float:
         seen, recorded = (replace(each, radiance=view.recorded(each.radiance)) for each in (image, reference))
         with guarded(type(metric)):
             value = copy_of(metric)(seen, recorded)
-        return number_of(metric.name, value)
+        return check_number(metric.name, value)
 
     def with_left_out(metric: Metric, image: Image) -> list[float]:
         """The metric against the whole reference, then without each group; only the first if any is not finite."""
-        values = [metric_of(metric, image, each) for each in (truth, *truth.left_out(metric.n_groups))]
+        values = [compute_metric(metric, image, each) for each in (truth, *truth.left_out(metric.n_groups))]
         return values if np.isfinite(values).all() else values[:1]
 
-    def shaded(candidate: Method, time_it: bool) -> Image:
+    def shade_candidate(candidate: Method, time_it: bool) -> Image:
         with guarded(type(candidate)):
             return shade(candidate, light, material, view, cache=cache, time_it=time_it)
 
     if tune is not None:
         least = metrics[tune.metric] if tune.metric in metrics else METRICS.create(tune.metric, {})
 
-        def error(value: float) -> float:
+        def measure_error(value: float) -> float:
             candidate = replace(method, **{tune.option: value})
-            return metric_of(least, shaded(candidate, time_it=False))
+            return compute_metric(least, shade_candidate(candidate, time_it=False))
 
-        tuned = {tune.option: tune_option(tune, error)}
+        tuned = {tune.option: tune_option(tune, measure_error)}
         method = replace(method, **tuned)
-    image = shaded(method, time_it=True)
+    image = shade_candidate(method, time_it=True)
     with guarded(type(method)):
-        half_vectors = pattern_of(method.name, method.half_vectors(material))
+        half_vectors = check_pattern(method.name, method.half_vectors(material))
     cache.check(method.name)
     compared = {column: with_left_out(metric, image) for column, metric in metrics.items()}
     costs = image.costs
     record = replace(
         record, tuned=tuned, options=method.as_dict(),
-        metrics={name: unbiased(values) for name, values in compared.items()},
+        metrics={name: remove_bias(values) for name, values in compared.items()},
         left_out={name: values for name, values in compared.items() if len(values) > 1},
         at_noise_floor=compared["rms"][0] < 2 * truth.noise, is_random=bool(method.is_random),
         n_samples=costs.n_samples, state_bytes=costs.state_bytes,
@@ -91,4 +91,4 @@ def measure(
         shade_seconds=costs.shade.median, shade_seconds_low=costs.shade.low, shade_seconds_high=costs.shade.high,
         shade_runs=costs.shade.runs, busy=costs.shade.busy,
     )  # fmt: skip
-    return Measured(record, image, half_vectors)
+    return Measurement(record, image, half_vectors)

@@ -24,14 +24,14 @@ from typing import Any
 import pandas
 
 from glossbench.errors import InputError
-from glossbench.findings.columns import Column, columns_from_json, columns_of, columns_to_json, metric_options
+from glossbench.findings.columns import Column, collect_columns, columns_from_json, columns_to_json, read_metric_options
 from glossbench.findings.descriptions import Descriptions, describe_study
 from glossbench.findings.verdicts import judge
 from glossbench.metrics import METRICS, Metric
 from glossbench.run.cell_files import CellFiles
-from glossbench.run.manifest import COMPARED, KEPT, SUMMARY, Manifest, entry, listed
+from glossbench.run.manifest import COMPARED, KEPT, SUMMARY, Manifest, join_first, make_entry
 from glossbench.strict_json import dumps, loads
-from glossbench.study.claims import stated_claims
+from glossbench.study.claims import read_claims
 from glossbench.study.document import dump, read_document
 from glossbench.study.labels import with_names
 
@@ -54,14 +54,14 @@ class Results(CellFiles):
         results = cls(folder)
         for name in ["study.yaml"] if results.disk.manifest.cells else ["cells.parquet", *SUMMARY]:
             if not results.disk.path(name).is_file():
-                raise InputError(f"{results.folder} holds no results: there is no {name} in it")
+                raise InputError(f"{results.folder} holds no results: {name} is missing")
         return results
 
     def create(self) -> None:
         """Make the folders, and remove files that a killed run left half-written.
 
         Raises:
-            InputError: the folder cannot be written, or holds files of somebody else that would be lost.
+            InputError: the folder cannot be written, or holds foreign files that would be lost.
         """
         self.disk.manifest.check_foreign(self.folder, (*SUMMARY, *KEPT))
         self.disk.create()
@@ -75,24 +75,25 @@ class Results(CellFiles):
         of the earlier one adds its results to it, and the earlier study stays: the returned line says what it keeps.
 
         Raises:
-            InputError: the folder holds results of another study, or files of somebody else; nothing is written.
+            InputError: the folder holds results of another study, or foreign files; nothing is written.
         """
-        old, cells, before = self.disk.manifest, tuple(map(entry, rows)), self._study_before()
-        missing = old.missing(before, study, cells)
+        old, cells, before = self.disk.manifest, tuple(map(make_entry, rows)), self._read_study()
+        missing = old.find_missing(before, study, cells)
         is_part = bool(missing) and before is not None and all(cell in old.cells for cell in cells)
         if missing and not is_part:
+            lost = join_first(missing)
             raise InputError(
-                f"{self.folder} holds results that this run does not have, and that would be lost: {listed(missing)}; "
-                "name another folder by -o"
+                f"{self.folder} holds results that this run does not have, and that would be lost: {lost}; "
+                "choose another folder with -o"
             )
         if is_part:
-            return f"{self.folder} keeps what else it has of this study: {listed(missing)}"
+            return f"{self.folder} keeps its other results of this study: {join_first(missing)}"
         if cells != old.cells or study != before:
             Manifest(cells, {**old.files, **dict.fromkeys((*SUMMARY, *KEPT))}).write(self.folder)
             self.disk.write("study.yaml", dump(dict(study)))
             self.disk.write("provenance.json", dumps({**provenance, "finished": "not yet"}, indent=1))
         self.disk.own(*KEPT)
-        self.disk.write("columns.json", dumps(columns_to_json(columns_of(study["metrics"]))))
+        self.disk.write("columns.json", dumps(columns_to_json(collect_columns(study["metrics"]))))
         self.disk.write("described.json", dumps(describe_study(study).as_dict()))
         return ""
 
@@ -108,21 +109,21 @@ class Results(CellFiles):
         If the folder keeps an earlier study with more cells, these rows are added to those of the earlier study.
         """
         old = self.disk.manifest
-        by_entry = {dumps(entry(row)): row for row in rows}
+        by_entry = {dumps(make_entry(row)): row for row in rows}
         if any(dumps(cell) not in by_entry for cell in old.cells):
-            found = [by_entry.get(dumps(cell)) or self._row(cell) for cell in old.cells]
+            found = [by_entry.get(dumps(cell)) or self._read_row(cell) for cell in old.cells]
             study, rows = self.study, [row for row in found if row is not None]
             if len(rows) < len(found):
                 return
-            verdicts = self._judged(pandas.DataFrame(rows))
+            verdicts = self._judge(pandas.DataFrame(rows))
         for partial in self.disk.path("references").glob(f"{'[0-9a-f]' * 20}.partial.npz"):
             partial.unlink(missing_ok=True)  # left by a study that has changed since
         self.disk.write("study.yaml", dump(study))
         self.disk.write("claims.json", dumps(verdicts, indent=1))
         self.disk.write("provenance.json", dumps(provenance, indent=1))
         self.disk.write_table("cells.parquet", with_names(rows))
-        files = {name: self.disk.checksum(name) for name in (*SUMMARY, *KEPT)}
-        Manifest(tuple(map(entry, rows)), {**old.files, **files}, True).write(self.folder)
+        files = {name: self.disk.compute_checksum(name) for name in (*SUMMARY, *KEPT)}
+        Manifest(tuple(map(make_entry, rows)), {**old.files, **files}, True).write(self.folder)
 
     # The whole study.
 
@@ -135,11 +136,11 @@ class Results(CellFiles):
     def cells(self) -> pandas.DataFrame:
         """One row per existing cell; a cell with damaged files counts as failed, and its reason names the file."""
         manifest = self.disk.manifest
-        cells = self.disk.table("cells.parquet") if manifest.is_finished else None
+        cells = self.disk.read_table("cells.parquet") if manifest.is_finished else None
         if cells is None and not manifest.cells:
             raise InputError(f"{self.folder}/cells.parquet is damaged{AGAIN}")
         if cells is None:
-            rows = [row for row in map(self._row, manifest.cells) if row is not None]
+            rows = [row for row in map(self._read_row, manifest.cells) if row is not None]
             cells = pandas.DataFrame(with_names(rows))
         if cells.empty:
             raise InputError(f"{self.folder}: none of {len(manifest.cells)} cells is done yet")
@@ -150,8 +151,8 @@ class Results(CellFiles):
             if row["status"] == "done":
                 reference = row["reference_key"]
                 if reference not in damage:
-                    damage[reference] = self.damage_of_reference(reference)
-                if found := self.damage_of_cell(row["key"]) or damage[reference]:
+                    damage[reference] = self.find_reference_damage(reference)
+                if found := self.find_cell_damage(row["key"]) or damage[reference]:
                     cells.loc[i, ["status", "reason"]] = ["failed", found + AGAIN]
         return cells
 
@@ -161,16 +162,16 @@ class Results(CellFiles):
         if not self.disk.is_altered("columns.json"):
             with suppress(OSError, ValueError, InputError):
                 return columns_from_json(loads(self.disk.path("columns.json").read_bytes()))
-        return columns_of(self.study["metrics"])
+        return collect_columns(self.study["metrics"])
 
     @property
     def metrics(self) -> list[str]:
         """The columns of the study's metrics, in their order."""
-        return list(metric_options(self.study["metrics"]))
+        return list(read_metric_options(self.study["metrics"]))
 
     def metric(self, column: str) -> Metric | None:
         """The metric of a column, with the options that the study states; None if it is not installed here."""
-        name, options = metric_options(self.study["metrics"]).get(column, (column, {}))
+        name, options = read_metric_options(self.study["metrics"]).get(column, (column, {}))
         return METRICS.create(name, options) if name in METRICS.names() else None
 
     @property
@@ -178,7 +179,7 @@ class Results(CellFiles):
         """The descriptions of everything that the study names, as the run stored them; else those installed here."""
         if not self.disk.is_altered("described.json"):
             with suppress(OSError, ValueError, InputError):
-                return Descriptions.of_dict(loads(self.disk.path("described.json").read_bytes()))
+                return Descriptions.from_dict(loads(self.disk.path("described.json").read_bytes()))
         return describe_study(self.study, is_of_run=False)
 
     @property
@@ -188,7 +189,7 @@ class Results(CellFiles):
             with suppress(OSError, json.JSONDecodeError):
                 loaded: list[dict[str, Any]] = loads(self.disk.path("claims.json").read_bytes())
                 return loaded
-        return self._judged(self.cells)
+        return self._judge(self.cells)
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -208,26 +209,26 @@ class Results(CellFiles):
         found = [f"{len(cells)} of {len(of)} cells are done: the claims are judged on these"]
         damaged = [reason.removesuffix(AGAIN) for reason in map(str, cells["reason"]) if reason.endswith(AGAIN)]
         more = f", and {len(damaged) - 1} more cells have damaged files" if len(damaged) > 1 else ""
-        altered = [self.disk.fault(name) for name in (*SUMMARY, *KEPT) if self.disk.is_altered(name)]
+        altered = [self.disk.explain_fault(name) for name in (*SUMMARY, *KEPT) if self.disk.is_altered(name)]
         lines = [f"{first}{more}{AGAIN}" for first in damaged[:1]] + [f"{line}{AGAIN}" for line in altered]
         return (found if len(cells) < len(of) else []) + lines
 
-    def _study_before(self) -> dict[str, Any] | None:
+    def _read_study(self) -> dict[str, Any] | None:
         """The study on disk; None if it cannot be read or is not complete."""
         with suppress(InputError):
             study = self.study
             return study if set(COMPARED) <= set(study) else None
         return None
 
-    def _row(self, cell: Mapping[str, Any]) -> dict[str, Any] | None:
+    def _read_row(self, cell: Mapping[str, Any]) -> dict[str, Any] | None:
         """The row of a cell of the manifest; None if it is missing or damaged."""
         with suppress(OSError, ValueError):
             return self.cell(cell["key"]) | dict(cell)
         return None
 
-    def _judged(self, cells: pandas.DataFrame) -> list[dict[str, Any]]:
+    def _judge(self, cells: pandas.DataFrame) -> list[dict[str, Any]]:
         """The verdicts on some cells, for the claims of the study on disk."""
-        verdicts = judge(stated_claims(self.study), cells) if len(cells) else []
+        verdicts = judge(read_claims(self.study), cells) if len(cells) else []
         n, of = len(cells), len(self.disk.manifest.cells)
         said = f"over {n} of {of} cells: " if n < of else ""
         return [verdict | {"summary": said + verdict["summary"]} for verdict in verdicts]

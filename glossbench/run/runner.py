@@ -8,19 +8,19 @@ from typing import Any
 import pandas
 import pyarrow.parquet  # noqa: F401  before plug-ins run: what they patch of it is put back (process_state)
 
-from glossbench.atomic import interrupted_when_asked
+from glossbench.atomic import interrupted_by_signals
 from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError
 from glossbench.findings.verdicts import judge
 from glossbench.options import copy_of
-from glossbench.plugins import origin
-from glossbench.process.leftovers import children, end_children
+from glossbench.plugins import find_origin
+from glossbench.process.leftovers import end_children, find_children
 from glossbench.process.state import is_foreign
 from glossbench.process.surroundings import settled
-from glossbench.provenance import provenance
+from glossbench.provenance import collect_provenance
 from glossbench.run.cell_keys import Identity
 from glossbench.run.executor import Executor, Progress
-from glossbench.run.manifest import entry
+from glossbench.run.manifest import make_entry
 from glossbench.run.results import Results
 from glossbench.run.study_lights import StudyLights
 from glossbench.study.cells import Cell
@@ -28,7 +28,7 @@ from glossbench.study.study import Study
 
 
 @settled()
-@interrupted_when_asked()
+@interrupted_by_signals()
 def run_study(
     study: Study,
     folder: Path,
@@ -53,7 +53,7 @@ def run_study(
     Raises:
         InputError: the device is missing, a file cannot be read, the folder cannot be written, or it holds files that
             would be lost. Nothing is written then.
-        CannotWrite: a write failed, for example because the disk is full. Finished cells are kept.
+        WriteError: a write failed, for example because the disk is full. Finished cells are kept.
     """
     if not study.has_device():
         raise InputError("the study states device: cuda, but this machine has none; write device: cpu")
@@ -62,21 +62,22 @@ def run_study(
     results = Results(folder)
     executor = Executor(study, results, progress, use_cache, fail_fast)
     progress.doing("lights")
-    own = _keys_of_own(cells, executor, rerun_failed or not use_cache)
+    own = _identify_own(cells, executor, rerun_failed or not use_cache)
     kept = {i for i, each in own.items() if use_cache and not rerun_failed and results.has_cell(each.key)}
     _read_files([cell for i, cell in enumerate(cells) if i not in kept], executor.lights)
     _check_own_study(study, results)
     results.create()
     started, source = datetime.now(UTC), executor.keys.code
     rows: dict[int, dict[str, Any]] = {}
-    running = children()
+    running = find_children()
     try:
         again = rerun_failed or not use_cache
-        known = [own.get(i) or executor.keys.of(cell, again) for i, cell in enumerate(cells)]
+        known = [own.get(i) or executor.keys.identify(cell, again) for i, cell in enumerate(cells)]
         entries = [
-            entry(cell.record(key=each.key, seed=study.seed).row()) for cell, each in zip(cells, known, strict=True)
+            make_entry(cell.make_record(key=each.key, seed=study.seed).to_row())
+            for cell, each in zip(cells, known, strict=True)
         ]
-        if fuller := results.begin(study.resolved(), entries, provenance(study.device, started, source)):
+        if fuller := results.begin(study.resolved(), entries, collect_provenance(study.device, started, source)):
             progress.note(fuller)
         progress.begin(len(cells))
         for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # cells that ended the process come last
@@ -89,15 +90,15 @@ def run_study(
         study.resolved(),
         judge(study.claims, pandas.DataFrame(in_order)),
         in_order,
-        provenance(study.device, started, source, {name: origin(name) for name in study.plugins}),
+        collect_provenance(study.device, started, source, {name: find_origin(name) for name in study.plugins}),
     )
     return results
 
 
-def _keys_of_own(cells: Sequence[Cell], executor: Executor, again: bool) -> dict[int, Identity]:
+def _identify_own(cells: Sequence[Cell], executor: Executor, again: bool) -> dict[int, Identity]:
     """By position, the identities of the cells without plug-ins. To find them, nothing is made or written."""
-    foreign = executor.keys.sources.any_foreign
-    return {i: executor.keys.of(cell, again) for i, cell in enumerate(cells) if not foreign(cell)}
+    foreign = executor.keys.sources.has_foreign
+    return {i: executor.keys.identify(cell, again) for i, cell in enumerate(cells) if not foreign(cell)}
 
 
 def _read_files(cells: Iterable[Cell], lights: StudyLights) -> None:
@@ -120,19 +121,21 @@ def _check_own_study(study: Study, results: Results) -> None:
     path = results.folder / "study.yaml"
     if path.exists() and study.name == "study" and study.folder.resolve() == results.folder.resolve():
         if "study.yaml" not in results.disk.manifest.files or results.disk.is_altered("study.yaml"):
-            raise InputError(f"{path} is the study itself, and its results would replace it: name another folder by -o")
+            raise InputError(
+                f"{path} is the study itself, and its results would replace it: choose another folder with -o"
+            )
 
 
-def kept_statuses(study: Study, folder: Path) -> list[str]:
+def find_statuses(study: Study, folder: Path) -> list[str]:
     """The status of each cell of a study in a folder: done, skipped, failed or damaged; new if it is not there."""
     results = Results(folder)
     if not any((folder / "cells").glob("*.json")):
         return ["new"] * len(study.cells())
     keys = Executor(study, results, Progress()).keys
-    return [_status(results, keys.of(cell).key) for cell in study.cells()]
+    return [_find_status(results, keys.identify(cell).key) for cell in study.cells()]
 
 
-def _status(results: Results, key: str) -> str:
+def _find_status(results: Results, key: str) -> str:
     if not results.has_cell(key):
         return "new"
-    return "damaged" if results.damage_of_cell(key) else str(results.cell(key)["status"])
+    return "damaged" if results.find_cell_damage(key) else str(results.cell(key)["status"])

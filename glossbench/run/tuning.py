@@ -6,10 +6,10 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from glossbench.study.cells import Tune
+from glossbench.study.cells import Tuning
 
 
-def tune_option(tune: Tune, error: Callable[[float], float]) -> float:
+def tune_option(tune: Tuning, error: Callable[[float], float]) -> float:
     """The value of an option in [low, high] at which |metric| is lowest, to 1/400 of the range.
 
     Nine values over the range bracket the minimum, and Brent's bounded search finds it.

@@ -45,7 +45,7 @@ class Camera:
         return origins @ self.axes, directions @ self.axes
 
 
-def framing(
+def frame_vertices(
     vertices: Floats, aspect: float, azimuth: float, elevation: float, field_of_view: float | None, zoom: float
 ) -> Camera:
     """The camera that shows all vertices (V, 3) as large as the margin allows.

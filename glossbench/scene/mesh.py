@@ -13,7 +13,7 @@ from glossbench.directions import Vec3, stack
 from glossbench.errors import InputError
 from glossbench.scene.points import Occluder
 from glossbench.scene.rays import Rays
-from glossbench.scene.winding import against_the_rest
+from glossbench.scene.winding import find_reversed_faces
 
 # Measured on one thread on a bumpy sheet, including the structure for rays: 1.0 million faces took 6.0 s and at most
 # 0.41 GB. In proportion (not measured) this limit takes a minute and 4 GB.
@@ -68,7 +68,7 @@ class Mesh(Occluder):
 
     def face_normals(self, faces: NDArray[np.integer]) -> Floats:
         """Unit normals (N, 3) of some faces, on the side from which their vertices are counter-clockwise."""
-        return _unit(_cross_products(self.vertices, self.faces[faces]))
+        return _normalize(_cross_products(self.vertices, self.faces[faces]))
 
     def visible(self, position: Vec3, ng: Vec3, direction: Vec3) -> Tensor:
         """Whether light from a direction reaches a position, all (N,): bool (N,)."""
@@ -102,7 +102,7 @@ def make_mesh(
         InputError: there are no faces or none with an area, a number is not finite, a vertex does not exist, or there
             are more than MAX_FACES faces.
     """
-    v, f = _checked(name, vertices, faces)
+    v, f = _check_mesh(name, vertices, faces)
     low, high = v[f].min((0, 1)), v[f].max((0, 1))
     size = float((high / 2 - low / 2).max())
     if not size > 0:
@@ -121,20 +121,22 @@ def make_mesh(
     v = v[used]
     n, t = (None if a is None else np.asarray(a, np.float64)[used] for a in (normals, tangents))
     if n is not None and not (np.isfinite(n).all() and n.any(axis=1).all()):
-        repairs.append("made new normals, as the stated ones are not finite or zero")
+        repairs.append("computed new normals, because the stated ones are zero or not finite")
         n = None
     if n is None:
         v, first, place = np.unique(v, axis=0, return_index=True, return_inverse=True)
         f, t = place.reshape(-1)[f], None if t is None else t[first]
-        against = against_the_rest(f)
+        against = find_reversed_faces(f)
         if against.any():
-            repairs.append(f"turned {int(against.sum())} of {len(f)} faces, which wound against their neighbours")
+            repairs.append(
+                f"turned {int(against.sum())} of {len(f)} faces, whose winding was opposite to that of their neighbours"
+            )
             f[against] = f[against, ::-1]
         n = _vertex_normals(v, f)
-    return Mesh(v, f, _unit(n), t, tuple(repairs))
+    return Mesh(v, f, _normalize(n), t, tuple(repairs))
 
 
-def _checked(name: str, vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, NDArray[np.int64]]:
+def _check_mesh(name: str, vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, NDArray[np.int64]]:
     v, f = np.asarray(vertices, np.float64), np.asarray(faces)
     if f.size == 0:
         raise InputError(f"{name} has no faces")
@@ -163,7 +165,7 @@ def _cross_products(v: Floats, f: NDArray[np.int64]) -> Floats:
     return np.cross(v[f[:, 1]] - v[f[:, 0]], v[f[:, 2]] - v[f[:, 0]])
 
 
-def _unit(vectors: Floats) -> Floats:
+def _normalize(vectors: Floats) -> Floats:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(length > 0, length, 1)
 
@@ -171,7 +173,7 @@ def _unit(vectors: Floats) -> Floats:
 def _vertex_normals(v: Floats, f: NDArray[np.int64]) -> Floats:
     """Mean of the normals of the faces around each vertex, weighted by their angles at this vertex."""
     corners = v[f]
-    ahead = _unit((np.roll(corners, -1, 1) - corners).reshape(-1, 3)).reshape(corners.shape)
+    ahead = _normalize((np.roll(corners, -1, 1) - corners).reshape(-1, 3)).reshape(corners.shape)
     angles = np.arccos(np.clip(-(ahead * np.roll(ahead, 1, 1)).sum(2), -1, 1))
-    weighted = _unit(_cross_products(v, f))[:, None] * angles[:, :, None]
+    weighted = _normalize(_cross_products(v, f))[:, None] * angles[:, :, None]
     return np.stack([np.bincount(f.reshape(-1), weighted[..., k].reshape(-1), len(v)) for k in range(3)], axis=1)

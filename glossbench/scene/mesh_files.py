@@ -5,11 +5,11 @@ from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
-from glossbench.catalog.entries import entries, fetch
+from glossbench.catalog.entries import fetch, list_entries
 from glossbench.catalog.locate import locate
-from glossbench.errors import InputError, nearest
-from glossbench.file_bytes import digest, require_size
-from glossbench.scene.formats.gltf import buffer_files, read_gltf
+from glossbench.errors import InputError, suggest_nearest
+from glossbench.file_bytes import compute_file_digest, require_size
+from glossbench.scene.formats.gltf import find_buffer_files, read_gltf
 from glossbench.scene.formats.obj import read_obj
 from glossbench.scene.formats.ply import read_ply
 from glossbench.scene.formats.polygons import Surface
@@ -23,21 +23,21 @@ READERS: dict[str, Callable[[Path], Surface]] = {
 MAX_BYTES = 1 << 30  # more than a mesh with the largest number of faces needs as text
 
 
-def mesh_named(name: str) -> Mesh:
+def make_named_mesh(name: str) -> Mesh:
     """The mesh of a name or a path.
 
     Raises:
         InputError: the name or file does not exist, or the file does not hold a mesh that can be shaded.
     """
     if name in SHAPES:
-        return _shape(name)
-    path = _path_of(name)
-    return _of_file(path, _digest(path))
+        return _make_shape(name)
+    path = _find_path(name)
+    return _read_mesh(path, _compute_digest(path))
 
 
-def meaning_of(name: str) -> str:
+def identify_mesh(name: str) -> str:
     """Text that identifies the mesh of a name: the name of a shape, or the hash of a file's bytes."""
-    return name if name in SHAPES else _digest(_path_of(name))
+    return name if name in SHAPES else _compute_digest(_find_path(name))
 
 
 def load_mesh(path: Path | str) -> Mesh:
@@ -63,37 +63,37 @@ def load_mesh(path: Path | str) -> Mesh:
 
 
 @lru_cache(maxsize=4)
-def _shape(name: str) -> Mesh:
+def _make_shape(name: str) -> Mesh:
     return SHAPES[name]()
 
 
 @lru_cache(maxsize=4)
-def _of_file(path: Path, digest: str) -> Mesh:
+def _read_mesh(path: Path, digest: str) -> Mesh:
     mesh = load_mesh(path)
-    if _digest(path) != digest:
+    if _compute_digest(path) != digest:
         raise InputError(f"{path}: was changed while it was read; run it again")
     return mesh
 
 
-def _path_of(name: str) -> Path:
-    known = {entry.name for entry in entries("mesh")}
+def _find_path(name: str) -> Path:
+    known = {entry.name for entry in list_entries("mesh")}
     if name in known:
         return fetch(name)
     if not Path(name).suffix:
-        raise InputError(f"unknown mesh {name!r}{nearest(name, [*SHAPES, *known])}")
+        raise InputError(f"unknown mesh {name!r}{suggest_nearest(name, [*SHAPES, *known])}")
     return locate(name, what="mesh file")
 
 
-def _digest(path: Path) -> str:
+def _compute_digest(path: Path) -> str:
     """SHA-256 of a file, and of the buffers that a glTF file names."""
-    own = digest(path, "mesh", MAX_BYTES)
+    own = compute_file_digest(path, "mesh", MAX_BYTES)
     if READERS.get(path.suffix.lower()) is not read_gltf:
         return own
-    buffers = [file for file in _buffers(path, own) if file.is_file()]
-    every = [own, *(digest(file, "mesh", MAX_BYTES) for file in buffers)]
+    buffers = [file for file in _find_buffers(path, own) if file.is_file()]
+    every = [own, *(compute_file_digest(file, "mesh", MAX_BYTES) for file in buffers)]
     return hashlib.sha256(" ".join(every).encode()).hexdigest()
 
 
 @lru_cache(maxsize=4)
-def _buffers(path: Path, digest: str) -> list[Path]:
-    return buffer_files(path)
+def _find_buffers(path: Path, digest: str) -> list[Path]:
+    return find_buffer_files(path)

@@ -14,9 +14,9 @@ from torch import Tensor
 from glossbench.directions import Vec3, vec3
 from glossbench.errors import InputError
 from glossbench.process.surroundings import settled
-from glossbench.scene.camera import framing
+from glossbench.scene.camera import frame_vertices
 from glossbench.scene.mesh import Mesh
-from glossbench.scene.mesh_files import READERS, meaning_of, mesh_named
+from glossbench.scene.mesh_files import READERS, identify_mesh, make_named_mesh
 from glossbench.scene.points import VIEWS, ShadingPoints, View, check_pixels
 
 # n . wo to which a shading normal is bent if interpolation turned it away from the viewer: for smaller values materials
@@ -26,14 +26,14 @@ LEAST_COSINE = 0.01
 Floats = NDArray[np.float64]
 
 
-class Seen(NamedTuple):
+class VisiblePoints(NamedTuple):
     """The result of a camera: the mask (H, W) and the points of its pixels."""
 
     mask: Tensor
     points: ShadingPoints
 
 
-def view_or_file(text: str) -> tuple[str, dict[str, Any]]:
+def resolve_view(text: str) -> tuple[str, dict[str, Any]]:
     """The view that one word means: a registered name, or the path of a mesh file with its option."""
     of_file = Path(text).suffix.lower() in READERS and text not in VIEWS.names()
     return ("mesh", {"shape": text}) if of_file else (text, {})
@@ -99,7 +99,7 @@ class MeshView(View):
     def key(self) -> str:
         """The key of the mesh, and the options of the camera."""
         camera = {k: v for k, v in self.as_dict().items() if k != "shape"}
-        return f"mesh:{meaning_of(self.shape)}:{json.dumps(camera, sort_keys=True)}"
+        return f"mesh:{identify_mesh(self.shape)}:{json.dumps(camera, sort_keys=True)}"
 
     def notes(self) -> tuple[str, ...]:
         """The repairs of the mesh."""
@@ -107,46 +107,46 @@ class MeshView(View):
 
     @cached_property
     def _mesh(self) -> Mesh:
-        return mesh_named(self.shape)
+        return make_named_mesh(self.shape)
 
     @cached_property
     @settled()
-    def _seen(self) -> Seen:
+    def _seen(self) -> VisiblePoints:
         height, width = self.resolution, self.width or self.resolution
         mesh = self._mesh
         fov = self.fov if self.camera == "perspective" else None
-        camera = framing(mesh.vertices, width / height, self.azimuth, self.elevation, fov, self.zoom)
+        camera = frame_vertices(mesh.vertices, width / height, self.azimuth, self.elevation, fov, self.zoom)
         origins, directions = camera.rays(height, width)
         hits = mesh.rays.first_hit(origins, directions)
         hit = hits.face >= 0
         if not hit.any():
-            raise InputError(f"mesh: no pixel shows {self.shape!r}; take a zoom of 1 or more pixels")
-        points = shading_points(mesh, hits.face[hit], hits.barycentric[hit], -directions[hit])
-        return Seen(torch.from_numpy(hit.reshape(height, width)), points)
+            raise InputError(f"mesh: no pixel shows {self.shape!r}; use a zoom of at least 1 pixel")
+        points = make_shading_points(mesh, hits.face[hit], hits.barycentric[hit], -directions[hit])
+        return VisiblePoints(torch.from_numpy(hit.reshape(height, width)), points)
 
 
-def shading_points(mesh: Mesh, face: NDArray[np.int32], barycentric: Floats, wo: Floats) -> ShadingPoints:
+def make_shading_points(mesh: Mesh, face: NDArray[np.int32], barycentric: Floats, wo: Floats) -> ShadingPoints:
     """Shading points of a mesh, for directions wo (P, 3) to the viewer."""
     corners = mesh.faces[face]
 
-    def interpolated(values: Floats) -> Floats:
+    def interpolate(values: Floats) -> Floats:
         return np.einsum("pk,pkc->pc", barycentric, values[corners])
 
-    ng = _facing(mesh.face_normals(face), wo)
-    n = interpolated(mesh.normals)
+    ng = _turn_to_viewer(mesh.face_normals(face), wo)
+    n = interpolate(mesh.normals)
     n = np.where(_dot(n, n) > 1e-12, n, ng)  # interpolated normals may cancel
-    n = _unit(n * np.where(_dot(n, ng) < 0, -1, 1))
+    n = _normalize(n * np.where(_dot(n, ng) < 0, -1, 1))
     c = _dot(n, wo)
-    sideways = _unit(n - c * wo)
+    sideways = _normalize(n - c * wo)
     n = np.where(c < LEAST_COSINE, LEAST_COSINE * wo + (1 - LEAST_COSINE**2) ** 0.5 * sideways, n)
     up, right = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
-    t = np.cross(up, n) if mesh.tangents is None else interpolated(mesh.tangents)
+    t = np.cross(up, n) if mesh.tangents is None else interpolate(mesh.tangents)
     t = t - _dot(t, n) * n
     # At a pole all tangents are equally good: x is used, and y if n is x itself.
     for other in (right, up):
         t = np.where(_dot(t, t) > 1e-12, t, other - _dot(other[None], n) * n)
-    t = _unit(t)
-    frame = (t, np.cross(n, t), n, wo, interpolated(mesh.vertices), ng)
+    t = _normalize(t)
+    frame = (t, np.cross(n, t), n, wo, interpolate(mesh.vertices), ng)
     return ShadingPoints(*(_vec3(v) for v in frame))
 
 
@@ -158,9 +158,9 @@ def _dot(a: Floats, b: Floats) -> Floats:
     return (a * b).sum(1, keepdims=True)
 
 
-def _unit(v: Floats) -> Floats:
+def _normalize(v: Floats) -> Floats:
     return v / np.maximum(np.sqrt(_dot(v, v)), 1e-30)
 
 
-def _facing(n: Floats, wo: Floats) -> Floats:
+def _turn_to_viewer(n: Floats, wo: Floats) -> Floats:
     return np.where(_dot(n, wo) < 0, -n, n)

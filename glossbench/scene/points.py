@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Shaped
 from torch import Tensor
 
-from glossbench.catalog.naming import kind_in_catalog
+from glossbench.catalog.naming import explain_catalog_name
 from glossbench.directions import Vec3, to_local
 from glossbench.memory import check_memory
 from glossbench.options import Options
@@ -46,7 +46,7 @@ class ShadingPoints:
 
     def columns(self, start: int, stop: int) -> "ShadingPoints":
         """Points [start, stop) with components (P, 1), which broadcast with samples (1, N)."""
-        return self.each(lambda c: c[start:stop, None])
+        return self.map(lambda c: c[start:stop, None])
 
     def wo_local(self) -> Directions:
         """The direction to the viewer in the frame (t, b, n)."""
@@ -54,9 +54,9 @@ class ShadingPoints:
 
     def to(self, device: str) -> "ShadingPoints":
         """The same points on another device."""
-        return self.each(lambda c: c.to(device))
+        return self.map(lambda c: c.to(device))
 
-    def each(self, change: Callable[[Tensor], Tensor]) -> "ShadingPoints":
+    def map(self, change: Callable[[Tensor], Tensor]) -> "ShadingPoints":
         """The points, with the same change applied to every component."""
         return ShadingPoints(*(v and Vec3(*map(change, v)) for v in vars(self).values()))
 
@@ -95,7 +95,7 @@ def check_pixels(view: View, height: int, width: int) -> None:
     check_memory(f"{view.name}: a view of {width} x {height} pixels", 400 * height * width)
 
 
-VIEWS: Registry[View] = Registry("view", "glossbench.scene", "glossbench.views", kind_in_catalog)
+VIEWS: Registry[View] = Registry("view", "glossbench.scene", "glossbench.views", explain_catalog_name)
 
 
 def image_of(mask: Mask, values: Shaped[Tensor, "points channels"]) -> Shaped[Tensor, "height width channels"]:

@@ -46,7 +46,7 @@ class Rays:
 
     def first_hit(self, origins: Array, directions: Array) -> Hits:
         """The nearest triangle in front of each ray (N, 3), from either side of the triangle."""
-        found = self._scene.run(_floats(origins), _floats(directions), output=True)
+        found = self._scene.run(_to_floats(origins), _to_floats(directions), output=True)
         face, u, v = found["primID"], found["u"].astype(np.float64), found["v"].astype(np.float64)
         distance = np.where(face < 0, np.float32(np.inf), found["tfar"])
         return Hits(face, np.stack([1 - u - v, u, v], axis=1), distance)
@@ -60,12 +60,12 @@ class Rays:
             directions: (N, 3); directions behind the surface are not visible and need no ray.
         """
         above = np.einsum("nk,nk->n", normals, directions) > 0
-        starts = _floats(points[above] + OFFSET * normals[above])
+        starts = _to_floats(points[above] + OFFSET * normals[above])
         free = np.zeros(len(points), dtype=bool)
         if len(starts):
-            free[above] = self._scene.run(starts, _floats(directions[above]), query="OCCLUDED") < 0
+            free[above] = self._scene.run(starts, _to_floats(directions[above]), query="OCCLUDED") < 0
         return free
 
 
-def _floats(values: Array) -> NDArray[np.float32]:
+def _to_floats(values: Array) -> NDArray[np.float32]:
     return np.ascontiguousarray(values, np.float32)

@@ -27,7 +27,7 @@ def cloth(rows: int = 160, n_waves: int = 24, seed: int = 1) -> Mesh:
     one, zero = np.ones_like(y), np.zeros_like(y)
     return make_mesh(
         np.stack([x[:, 0], y, z[:, 0]], axis=1),
-        _grid(rows + 1, rows + 1).reshape(-1, 3),
+        _make_grid(rows + 1, rows + 1).reshape(-1, 3),
         np.stack([-slope_x, one, -slope_z], axis=1),
         np.stack([one, slope_x, zero], axis=1),
         "cloth",
@@ -60,7 +60,7 @@ def torus_knot(p: int = 2, q: int = 3, radius: float = 0.4, around: int = 32, al
     tangents = np.broadcast_to(ahead[:, None], normals.shape)
     vertices, normals, tangents = (a.reshape(-1, 3) for a in (vertices, normals, tangents))
     return make_mesh(
-        vertices, _grid(along, around, closed=(True, True)).reshape(-1, 3), normals, tangents, "torus_knot"
+        vertices, _make_grid(along, around, closed=(True, True)).reshape(-1, 3), normals, tangents, "torus_knot"
     )
 
 
@@ -80,18 +80,18 @@ def bowl(inner: float = 0.9, around: int = 192, arc: int = 48, rim: int = 12) ->
     phi = np.arange(around) * 2 * pi / around
     x, z = np.cos(phi), np.sin(phi)
 
-    def revolved(out: Floats, along_y: Floats) -> Floats:
+    def revolve(out: Floats, along_y: Floats) -> Floats:
         y = np.broadcast_to(along_y[:, None], (len(out), around))
         return np.stack([out[:, None] * x, y, out[:, None] * z], axis=2).reshape(-1, 3)
 
     tangents = np.tile(np.stack([z, np.zeros(around), -x], axis=1), (len(radius), 1))
-    quads = _grid(len(radius), around, closed=(False, True))
+    quads = _make_grid(len(radius), around, closed=(False, True))
     # At the poles a row is one point, and one triangle of each quad has no area.
     faces = np.concatenate([quads[0, :, 0], quads[1:-1].reshape(-1, 3), quads[-1, :, 1]])
-    return make_mesh(revolved(radius, height), faces, revolved(normal_out, normal_up), tangents, "bowl")
+    return make_mesh(revolve(radius, height), faces, revolve(normal_out, normal_up), tangents, "bowl")
 
 
-def _grid(rows: int, columns: int, closed: tuple[bool, bool] = (False, False)) -> NDArray[np.int64]:
+def _make_grid(rows: int, columns: int, closed: tuple[bool, bool] = (False, False)) -> NDArray[np.int64]:
     """Two triangles per quad of a grid of vertices: (rows, columns, 2, 3), one row or column less if it is not closed.
 
     Triangles are counter-clockwise seen from the side where rows go down and columns to the right.

@@ -38,7 +38,7 @@ class Sphere(View):
         super().__post_init__()
         check_pixels(self, self.resolution, self.width or self.resolution)
 
-    def _grid(self) -> tuple[Tensor, Tensor]:
+    def _make_grid(self) -> tuple[Tensor, Tensor]:
         """x to the right and y up of every pixel's centre (H, W), in radii."""
         height, width = self.resolution, self.width or self.resolution
         x = torch.arange(width, dtype=torch.float64) + 0.5 - width / 2
@@ -53,12 +53,12 @@ class Sphere(View):
 
     def mask(self) -> Tensor:
         """Whether each pixel's centre lies inside the disc, (H, W)."""
-        x, y = self._grid()
+        x, y = self._make_grid()
         return x * x + y * y < 1
 
     def points(self) -> ShadingPoints:
         """One shading point for each pixel of the mask."""
-        x, y = (c[self.mask()] for c in self._grid())
+        x, y = (c[self.mask()] for c in self._make_grid())
         n = Vec3(x, y, torch.sqrt(1 - x * x - y * y))
         zero, one = torch.zeros_like(x), torch.ones_like(x)
         # At a pole all tangents are equally good: x is used.

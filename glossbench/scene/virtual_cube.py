@@ -38,18 +38,18 @@ class VirtualCube(View):
         super().__post_init__()
         check_pixels(self, 6 * self.edge**2, 6 * self.edge**2)
 
-    def _pairs(self) -> Tensor:
+    def _find_pairs(self) -> Tensor:
         return valid_pairs(self.edge)[:: self.every]
 
     def mask(self) -> Tensor:
         """Whether each pair is shown, (6 edge^2, 6 edge^2)."""
         mask = torch.zeros(6 * self.edge**2, 6 * self.edge**2, dtype=torch.bool)
-        mask[tuple(self._pairs().T)] = True
+        mask[tuple(self._find_pairs().T)] = True
         return mask
 
     def points(self) -> ShadingPoints:
         """One shading point for each pair."""
-        return pair_points(self.edge, self._pairs())
+        return pair_points(self.edge, self._find_pairs())
 
     def scene(self) -> UnitSphere:
         """A convex scene."""
@@ -86,4 +86,4 @@ def pair_points(edge: int, pairs: Tensor) -> ShadingPoints:
     d = virtual_directions(edge)
     n, wo = vec3(d[pairs[:, 0]]), vec3(d[pairs[:, 1]])
     t = tangent(n)
-    return ShadingPoints(t, cross(n, t), n, wo).each(lambda c: c.float().contiguous())
+    return ShadingPoints(t, cross(n, t), n, wo).map(lambda c: c.float().contiguous())

@@ -6,7 +6,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 
-def against_the_rest(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+def find_reversed_faces(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     """The smallest set of faces (F, 3) to reverse so that all connected faces have the same winding, as a mask (F,).
 
     Faces are connected by edges that belong to exactly two faces. The graph has two nodes per face, as it is and

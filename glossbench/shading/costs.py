@@ -60,7 +60,7 @@ class Costs:
         return self.shade.median
 
 
-def timed(work: Callable[[], Any], device: str = "cpu", patience: float = 0.2) -> tuple[Any, Timing]:
+def time_work(work: Callable[[], Any], device: str = "cpu", patience: float = 0.2) -> tuple[Any, Timing]:
     """The value of some work and the seconds that it takes after a warm-up.
 
     After a first run the work is run again until `patience` seconds have passed, and at least three times (twice if
@@ -75,31 +75,31 @@ def timed(work: Callable[[], Any], device: str = "cpu", patience: float = 0.2) -
         value, seconds = _run(work, device)
         counted.append(seconds)
         spent += max(seconds, patience / 5)
-    return value, Timing(median(counted), min(counted), max(counted), len(counted), watch.busy())
+    return value, Timing(median(counted), min(counted), max(counted), len(counted), watch.measure_busy_share())
 
 
 class Watch:
     """Measures how much other work has had the processor since this object was made."""
 
     def __init__(self) -> None:
-        self._started = self._now()
+        self._started = self._read_clocks()
 
-    def busy(self) -> float:
+    def measure_busy_share(self) -> float:
         """The share of its runnable time in which this process waited for a processor, [0, 1].
 
         Linux counts the waiting time of each thread. On other systems the result is the share of the time in which the
         process did not use a processor, which is less exact if several threads work.
         """
-        wall, cpu, waited = (now - then for now, then in zip(self._now(), self._started, strict=True))
+        wall, cpu, waited = (now - then for now, then in zip(self._read_clocks(), self._started, strict=True))
         if waited != waited:  # NaN: this system does not count it
             return max(0.0, 1 - cpu / wall) if wall > 0 else 0.0
         return max(0.0, waited) / (max(0.0, waited) + cpu) if cpu > 0 else 0.0
 
-    def _now(self) -> tuple[float, float, float]:
-        return perf_counter(), process_time(), _waited()
+    def _read_clocks(self) -> tuple[float, float, float]:
+        return perf_counter(), process_time(), _read_waiting_time()
 
 
-def _waited() -> float:
+def _read_waiting_time() -> float:
     """Seconds that the threads of this process have waited for a processor; NaN if the system does not count them."""
     total = 0.0
     for path in Path("/proc/self/task").glob("*/schedstat"):
@@ -118,18 +118,18 @@ def _run(work: Callable[[], Any], device: str) -> tuple[Any, float]:
     return value, perf_counter() - started
 
 
-def n_bytes(value: Any) -> int:
+def count_bytes(value: Any) -> int:
     """Bytes of all tensors inside a value: tuples, dictionaries and dataclasses of them."""
-    return sum(t.element_size() * t.nelement() for t in tensors_in(value))
+    return sum(t.element_size() * t.nelement() for t in find_tensors(value))
 
 
-def tensors_in(value: Any) -> Iterator[Tensor]:
+def find_tensors(value: Any) -> Iterator[Tensor]:
     """All tensors inside a value: tuples, dictionaries and dataclasses of them."""
     if isinstance(value, Tensor):
         yield value
     elif isinstance(value, Mapping):
-        yield from (t for v in value.values() for t in tensors_in(v))
+        yield from (t for v in value.values() for t in find_tensors(v))
     elif isinstance(value, tuple | list):
-        yield from (t for v in value for t in tensors_in(v))
+        yield from (t for v in value for t in find_tensors(v))
     elif dataclasses.is_dataclass(value):
-        yield from (t for f in dataclasses.fields(value) for t in tensors_in(getattr(value, f.name)))
+        yield from (t for f in dataclasses.fields(value) for t in find_tensors(getattr(value, f.name)))

@@ -14,10 +14,10 @@ from glossbench.envmap.cubemap import CubeMap
 from glossbench.errors import InputError, MethodError, check_call
 from glossbench.process.surroundings import settled
 from glossbench.scene.points import ShadingPoints, View, image_of
-from glossbench.shading.costs import Costs, timed
-from glossbench.shading.method import CHANGES, INPUTS, Method, dependencies, stages_of
-from glossbench.shading.outputs import count_of, pictures_of, reason_of
-from glossbench.shading.stage_cache import Prepared, StageCache, unwritten
+from glossbench.shading.costs import Costs, time_work
+from glossbench.shading.method import CHANGES, INPUTS, Method, find_dependencies, order_stages
+from glossbench.shading.outputs import check_count, check_pictures, check_reason
+from glossbench.shading.stage_cache import PreparedStage, StageCache, forbid_writes
 from glossbench.shapes import Mask, Picture, Radiance
 
 
@@ -62,7 +62,7 @@ def shade(
     check_call(
         "shade", method=(method, Method), light=(light, CubeMap), material=(material, Material), view=(view, View)
     )
-    reason = reason_of(method.name, method.supports(material, view.scene()))
+    reason = check_reason(method.name, method.supports(material, view.scene()))
     if reason:
         raise InputError(f"{method.name} cannot show this: {reason}")
     cache = StageCache() if cache is None else cache
@@ -72,11 +72,11 @@ def shade(
     prepared = prepare(method, inputs, cache, patience)
     points = view.points().to(device)
     known = inputs | {"points": points} | {name: p.value for name, p in prepared.items()}
-    state = arguments_of(method.shade, known)
-    with unwritten(f"{method.name}.shade", state):
-        values, timing = timed(lambda: method.shade(**state), device, patience)
+    state = select_arguments(method.shade, known)
+    with forbid_writes(f"{method.name}.shade", state):
+        values, timing = time_work(lambda: method.shade(**state), device, patience)
     mask = view.mask()
-    depends = dependencies(stages_of(type(method)))
+    depends = find_dependencies(order_stages(type(method)))
     costs = Costs(
         stage_seconds={name: p.seconds for name, p in prepared.items()},
         update_seconds={
@@ -85,15 +85,17 @@ def shade(
         },
         shade=timing,
         state_bytes=sum(p.n_bytes for p in prepared.values()),
-        n_samples=count_of(method.name, method.n_samples(material)),
+        n_samples=check_count(method.name, method.n_samples(material)),
     )
     pictures: Mapping[str, Tensor] = {}
     if method.pictures is not None and time_it:
-        pictures = pictures_of(method.name, method.pictures(**arguments_of(method.pictures, known)))
-    return Image(image_of(mask, _checked(method, points, values)), mask, costs, pictures)
+        pictures = check_pictures(method.name, method.pictures(**select_arguments(method.pictures, known)))
+    return Image(image_of(mask, _check_radiance(method, points, values)), mask, costs, pictures)
 
 
-def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patience: float = 0.0) -> dict[str, Prepared]:
+def prepare(
+    method: Method, inputs: Mapping[str, Any], cache: StageCache, patience: float = 0.0
+) -> dict[str, PreparedStage]:
     """The stages of a method, from the cache if it has them, otherwise computed.
 
     Args:
@@ -104,8 +106,8 @@ def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patien
     device = str(light.faces.device)
     cache.begin()
     keys: dict[str, Any] = {**inputs, "light": (light.key, light.resolution, device)}
-    prepared: dict[str, Prepared] = {}
-    for name, current in stages_of(type(method)).items():
+    prepared: dict[str, PreparedStage] = {}
+    for name, current in order_stages(type(method)).items():
         values = {n: inputs[n] if n in INPUTS else prepared[n].value for n in current.needs}
         names = tuple(keys[n] for n in current.needs)
         prepared[name] = cache.get(current.function, method, values, names, device, patience)
@@ -113,12 +115,12 @@ def prepare(method: Method, inputs: Mapping[str, Any], cache: StageCache, patien
     return prepared
 
 
-def arguments_of(function: Callable[..., Any], known: Mapping[str, Any]) -> dict[str, Any]:
+def select_arguments(function: Callable[..., Any], known: Mapping[str, Any]) -> dict[str, Any]:
     """The known values that a function has as parameters, by name."""
     return {name: known[name] for name in inspect.signature(function).parameters}
 
 
-def _checked(method: Method, points: ShadingPoints, values: Any) -> Radiance:
+def _check_radiance(method: Method, points: ShadingPoints, values: Any) -> Radiance:
     """The radiance that a method returned, or MethodError."""
     if not isinstance(values, Tensor):
         raise MethodError(f"{method.name}.shade must return a tensor, got {type(values).__name__}")

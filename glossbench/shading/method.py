@@ -14,9 +14,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from glossbench.brdf.material import Material
-from glossbench.catalog.naming import kind_in_catalog
+from glossbench.catalog.naming import explain_catalog_name
 from glossbench.errors import InputError
-from glossbench.options import Options, option_names
+from glossbench.options import Options, list_options
 from glossbench.registry import Registry
 from glossbench.shapes import Radiance
 
@@ -87,7 +87,7 @@ class Method(Options):
     @property
     def is_random(self) -> bool:
         """Whether the option `seed` changes the image; by default true if the method has this option."""
-        return "seed" in option_names(type(self))
+        return "seed" in list_options(type(self))
 
     def supports(self, material: Material, scene: Any) -> str | None:
         """The reason why this method cannot show this material on this scene; None if it can."""
@@ -95,7 +95,7 @@ class Method(Options):
 
     def n_samples(self, material: Material) -> int:
         """Light samples per pixel: by default the budget, or 1 without one; a fixed pattern may use another number."""
-        value = getattr(self, budget_of(type(self)), 1)
+        value = getattr(self, find_budget_option(type(self)), 1)
         return value if isinstance(value, int) else 1
 
     def half_vectors(self, material: Material) -> Float[Tensor, "samples 2"] | None:
@@ -107,28 +107,28 @@ class Method(Options):
     pictures: ClassVar[Callable[..., Mapping[str, Tensor]] | None] = None
 
 
-def budget_of(method: type[Method]) -> str:
+def find_budget_option(method: type[Method]) -> str:
     """Name of the option that is a method's budget, according to its contract; empty if there is none."""
     option = method.contract.budget[0] if method.contract.budget else ""
-    return option if option in option_names(method) else ""
+    return option if option in list_options(method) else ""
 
 
-METHODS: Registry[Method] = Registry("method", "glossbench.methods", "glossbench.methods", kind_in_catalog)
+METHODS: Registry[Method] = Registry("method", "glossbench.methods", "glossbench.methods", explain_catalog_name)
 
 
-def stated_stages(method: type[Method]) -> dict[str, Stage[Any]]:
+def find_stages(method: type[Method]) -> dict[str, Stage[Any]]:
     """The stages of a method in the order of its source."""
     members = {name: value for cls in reversed(method.__mro__) for name, value in vars(cls).items()}
     return {name: value for name, value in members.items() if isinstance(value, Stage)}
 
 
-def stages_of(method: type[Method]) -> dict[str, Stage[Any]]:
+def order_stages(method: type[Method]) -> dict[str, Stage[Any]]:
     """The stages of a method in the order in which they must run.
 
     Raises:
         InputError: a parameter is neither an input nor a stage, or stages need each other in a circle.
     """
-    pending = stated_stages(method)
+    pending = find_stages(method)
     if not hasattr(method, "shade"):
         raise InputError(f"{method.__name__} has no shade(self, points, material, ...)")
     known = set(INPUTS) | set(pending)
@@ -147,7 +147,7 @@ def stages_of(method: type[Method]) -> dict[str, Stage[Any]]:
     return order
 
 
-def dependencies(stages: Mapping[str, Stage[Any]]) -> dict[str, frozenset[str]]:
+def find_dependencies(stages: Mapping[str, Stage[Any]]) -> dict[str, frozenset[str]]:
     """The inputs that each stage depends on, directly or through earlier stages."""
     found: dict[str, frozenset[str]] = {}
     for name, value in stages.items():

@@ -6,16 +6,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from glossbench.digests import digest_of
+from glossbench.digests import compute_digest
 from glossbench.errors import MethodError
 from glossbench.options import Options
-from glossbench.shading.costs import n_bytes, tensors_in, timed
+from glossbench.shading.costs import count_bytes, find_tensors, time_work
 
 LIMIT = 2 << 30  # bytes that all values may take; those in use are never dropped
 
 
 @dataclass(eq=False)
-class Prepared:
+class PreparedStage:
     """The value of one stage, and its costs.
 
     Attributes:
@@ -47,11 +47,11 @@ class StageCache:
     """
 
     def __init__(self, tell: Callable[[str], None] = lambda text: None, limit: int = LIMIT) -> None:
-        self._entries: dict[Hashable, list[tuple[Read, Prepared]]] = {}
+        self._entries: dict[Hashable, list[tuple[StageOptions, PreparedStage]]] = {}
         self._tell = tell
         self._limit = limit
         self._turn = 0
-        self._trusted: dict[int, Prepared] = {}  # by id, values whose bytes were compared since the last check
+        self._trusted: dict[int, PreparedStage] = {}  # by id, values whose bytes were compared since the last check
 
     def begin(self) -> None:
         """Begin a new turn: all values that are requested during one turn are used together and kept."""
@@ -65,13 +65,13 @@ class StageCache:
         keys: tuple[Any, ...],
         device: str,
         patience: float,
-    ) -> Prepared:
-        """The value of a stage. It is computed and timed (see `timed`) if the cache does not have an equal one.
+    ) -> PreparedStage:
+        """The value of a stage. It is computed and timed (see `time_work`) if the cache does not have an equal one.
 
         Args:
-            keys: keys of the inputs; the key of another stage is its `Prepared.key`.
+            keys: keys of the inputs; the key of another stage is its `PreparedStage.key`.
         """
-        known = (stage, tuple(map(_hashable, keys)))
+        known = (stage, tuple(map(_make_hashable, keys)))
         entries = self._entries.setdefault(known, [])
         found = next((entry for entry in entries if entry[0].agrees(method)), None)
         if found is not None and not self._is_intact(found[1]):
@@ -80,16 +80,16 @@ class StageCache:
         if found is not None and (found[1].warm or patience == 0):
             found[1].used = self._turn
             return found[1]
-        read = Read()
+        read = StageOptions()
         self._tell(f"{method.name}: {stage.__name__}")
-        with unwritten(f"{method.name}.{stage.__name__}", inputs):
-            value, timing = timed(lambda: stage(Recorder(method, read), **inputs), device, patience)
+        with forbid_writes(f"{method.name}.{stage.__name__}", inputs):
+            value, timing = time_work(lambda: stage(Recorder(method, read), **inputs), device, patience)
         if found is not None:  # computed during tuning: its value stays, because other values may depend on it
             prepared = found[1]
             prepared.seconds, prepared.warm = timing.median, True
         else:
-            prepared = Prepared(
-                value, (*known, read.key()), timing.median, n_bytes(value), patience > 0, digest_of(value)
+            prepared = PreparedStage(
+                value, (*known, read.key()), timing.median, count_bytes(value), patience > 0, compute_digest(value)
             )
             entries.append((read, prepared))
             self._trusted[id(prepared)] = prepared
@@ -100,16 +100,16 @@ class StageCache:
     def check(self, by: str) -> None:
         """Raise MethodError if a value that was returned since the last check was written to; that value is dropped."""
         handed_out, self._trusted = self._trusted, {}
-        written = [p for p in handed_out.values() if digest_of(p.value) != p.digest]
+        written = [p for p in handed_out.values() if compute_digest(p.value) != p.digest]
         for entries in self._entries.values():
             entries[:] = [entry for entry in entries if entry[1] not in written]
         if written:
             stage: Any = written[0].key
-            raise MethodError(f"{by} writes into the memory of {stage[0].__name__!r}, which others read")
+            raise MethodError(f"{by} writes into the memory of {stage[0].__name__!r}, which is also used elsewhere")
 
-    def _is_intact(self, prepared: Prepared) -> bool:
+    def _is_intact(self, prepared: PreparedStage) -> bool:
         if id(prepared) not in self._trusted:
-            if digest_of(prepared.value) != prepared.digest:
+            if compute_digest(prepared.value) != prepared.digest:
                 return False
             self._trusted[id(prepared)] = prepared
         return True
@@ -144,7 +144,7 @@ class _Itself:
         return id(self.value)
 
 
-def _hashable(value: Any) -> Hashable:
+def _make_hashable(value: Any) -> Hashable:
     try:
         hash(value)
     except TypeError:
@@ -154,12 +154,12 @@ def _hashable(value: Any) -> Hashable:
 
 
 @dataclass
-class Read:
+class StageOptions:
     """The options that a stage read, by name.
 
     Attributes:
         values: the values that the stage read; None if the method does not have the option.
-        defaults: the values that the stage uses if a method does not have the option, see `option_of`.
+        defaults: the values that the stage uses if a method does not have the option, see `read_option`.
     """
 
     values: dict[str, Any] = field(default_factory=dict)
@@ -172,10 +172,10 @@ class Read:
 
     def key(self) -> tuple[Hashable, ...]:
         """The names, types and values of the options, as a key."""
-        return tuple((name, type(value), _hashable(value)) for name, value in sorted(self.values.items()))
+        return tuple((name, type(value), _make_hashable(value)) for name, value in sorted(self.values.items()))
 
 
-def option_of(method: Any, option: str, default: Any) -> Any:
+def read_option(method: Any, option: str, default: Any) -> Any:
     """An option of the method that a stage runs for, or a default if the method does not have this option.
 
     So methods whose option has the default share the value of the stage with methods that do not have the option.
@@ -188,7 +188,7 @@ def option_of(method: Any, option: str, default: Any) -> Any:
 class Recorder:
     """Stands for a method while a stage runs, and records the options that the stage reads."""
 
-    def __init__(self, method: Options, read: Read) -> None:
+    def __init__(self, method: Options, read: StageOptions) -> None:
         self._method, self._read = method, read
 
     def __getattr__(self, name: str) -> Any:
@@ -206,11 +206,11 @@ class Recorder:
 
 
 @contextmanager
-def unwritten(by: str, inputs: Mapping[str, Any]) -> Iterator[None]:
+def forbid_writes(by: str, inputs: Mapping[str, Any]) -> Iterator[None]:
     """Raise MethodError if the block writes to a tensor inside the inputs: other values that use it would be wrong."""
-    tensors = [(name, t) for name, value in inputs.items() for t in tensors_in(value) if not t.is_inference()]
+    tensors = [(name, t) for name, value in inputs.items() for t in find_tensors(value) if not t.is_inference()]
     versions = [t._version for _, t in tensors]
     yield
     for (name, tensor), version in zip(tensors, versions, strict=True):
         if tensor._version != version:
-            raise MethodError(f"{by} writes into {name!r}, which others read")
+            raise MethodError(f"{by} writes into {name!r}, which is also used elsewhere")

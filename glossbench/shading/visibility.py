@@ -21,11 +21,11 @@ def unhidden(weight: Channels, points: ShadingPoints, d: Directions, occluder: O
 
     Rays are cast only for samples with a weight above zero. d is in the axes of the world.
     """
-    return weight if occluder is None else _cast(weight, points, d, occluder)
+    return weight if occluder is None else _cast_rays(weight, points, d, occluder)
 
 
 @untraced
-def _cast(weight: Channels, points: ShadingPoints, d: Directions, occluder: Occluder) -> Channels:
+def _cast_rays(weight: Channels, points: ShadingPoints, d: Directions, occluder: Occluder) -> Channels:
     assert points.position is not None
     assert points.ng is not None
     seen = torch.stack(torch.broadcast_tensors(*weight, d.x)[:-1]).amax(0) > 0

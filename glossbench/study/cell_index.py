@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glossbench.columns import CONDITIONS
-from glossbench.study.claims import BUDGET, agrees, called
+from glossbench.study.claims import BUDGET, agrees, list_names
 
 Mask = NDArray[np.bool_]
 Named = tuple[str, Mapping[str, Any]]  # a name and options
@@ -31,14 +31,14 @@ class CellIndex:
         self._all = np.ones(len(codes["method"]), bool)
 
     @classmethod
-    def product(cls, items: Mapping[str, Sequence[Named]]) -> Self:
+    def from_product(cls, items: Mapping[str, Sequence[Named]]) -> Self:
         """All combinations light x material x view x method; the method varies fastest."""
         counts = [len(items[kind]) for kind in KINDS]
         codes = np.unravel_index(np.arange(np.prod(counts, dtype=int)), counts)
         return cls(items, dict(zip(KINDS, codes, strict=True)))
 
     @classmethod
-    def of_rows(cls, rows: Iterable[Mapping[str, Any]]) -> Self:
+    def from_rows(cls, rows: Iterable[Mapping[str, Any]]) -> Self:
         """Cells from rows of results.
 
         A row has the names of its items and their options: `light_options` and so on, and `options` for the method.
@@ -60,13 +60,13 @@ class CellIndex:
         columns, fits = self._columns[kind], np.zeros(0, bool)
         for one in wanted if isinstance(wanted, list) else [wanted]:
             name, stated = next(iter(one.items())) if isinstance(one, dict) else (one, {})
-            each = columns.named(name)
+            each = columns.find_named(name)
             for option, value in stated.items():
-                each = each & columns.agreeing(option, value)
+                each = each & columns.find_agreeing(option, value)
             fits = each | fits if fits.size else each
         return fits[self.codes[kind]] if fits.size else ~self._all
 
-    def excluded(self, entry: Mapping[str, Any]) -> Mask:
+    def find_excluded(self, entry: Mapping[str, Any]) -> Mask:
         """Cells that have all values of an entry of `exclude`.
 
         An option is looked for in the method, then in the material, the view and the light.
@@ -79,13 +79,13 @@ class CellIndex:
             left, found = self._all, ~self._all
             for kind in ("method", "material", "view", "light"):
                 columns, codes = self._columns[kind], self.codes[kind]
-                if columns.held(key).any():
-                    found = found | (left & columns.agreeing(key, wanted)[codes])
-                    left = left & ~columns.held(key)[codes]
+                if columns.find_holding(key).any():
+                    found = found | (left & columns.find_agreeing(key, wanted)[codes])
+                    left = left & ~columns.find_holding(key)[codes]
             fits = fits & found
         return fits
 
-    def within(self, where: Mapping[str, Any], of_methods: Iterable[str]) -> Mask:
+    def find_within(self, where: Mapping[str, Any], of_methods: Iterable[str]) -> Mask:
         """Cells that fit `where`. An option that only the other method has does not restrict a cell.
 
         A short name means an option of a method, else of the material; a full name, such as "light.seed",
@@ -99,16 +99,16 @@ class CellIndex:
             if key in CONDITIONS:
                 each = self.is_called(key, wanted)
             elif (of := key.partition(".")[0]) in CONDITIONS:
-                each = self._columns[of].agreeing(key.partition(".")[2], wanted)[self.codes[of]]
+                each = self._columns[of].find_agreeing(key.partition(".")[2], wanted)[self.codes[of]]
             elif key in of_methods:
                 columns = self._columns["method"]
-                each = (~columns.held(key) | columns.agreeing(key, wanted))[self.codes["method"]]
+                each = (~columns.find_holding(key) | columns.find_agreeing(key, wanted))[self.codes["method"]]
             else:
-                each = self._columns["material"].agreeing(key, wanted)[self.codes["material"]]
+                each = self._columns["material"].find_agreeing(key, wanted)[self.codes["material"]]
             fits = fits & each
         return fits
 
-    def alike(
+    def group_cells(
         self, kinds: Sequence[str], options: Sequence[str], budgets: Mapping[str, str] | None = None
     ) -> NDArray[np.intp]:
         """A number for each cell. Cells with the same items of some kinds and equal options have the same number.
@@ -123,22 +123,26 @@ class CellIndex:
         for option in options:
             of, _, own = option.partition(".")
             kind, own = (of, own) if of in CONDITIONS else ("method", option)
-            column = self._columns[kind].budget(budgets or {}) if option == BUDGET else self._columns[kind].column(own)
+            column = (
+                self._columns[kind].find_budget(budgets or {})
+                if option == BUDGET
+                else self._columns[kind].find_column(own)
+            )
             columns.append((column.codes[self.codes[kind]] + 1, len(column.distinct) + 1))
         for codes, n in columns:
             number = number * n + codes
         return number
 
-    def values(self, key: str, cells: Mask) -> list[Any]:
+    def list_values(self, key: str, cells: Mask) -> list[Any]:
         """The values of an option, or the names of a kind, in the given cells: in their order, each once."""
         if key in KINDS:
-            return self._columns[key].names(np.unique(self.codes[key][cells]))
+            return self._columns[key].list_names(np.unique(self.codes[key][cells]))
         found: list[Any] = []
         of, _, option = key.partition(".")
         if of in CONDITIONS:
-            return self._columns[of].values(option, np.unique(self.codes[of][cells]))
+            return self._columns[of].list_values(option, np.unique(self.codes[of][cells]))
         for kind in ("method", "material"):
-            found = found or self._columns[kind].values(key, np.unique(self.codes[kind][cells]))
+            found = found or self._columns[kind].list_values(key, np.unique(self.codes[kind][cells]))
         return found
 
 
@@ -150,34 +154,34 @@ class _Columns:
         self._made: dict[str, _Column] = {}
         positions: dict[str, list[int]] = {}
         for i, (name, options) in enumerate(items):
-            for each in called(name, options):
+            for each in list_names(name, options):
                 positions.setdefault(each, []).append(i)
         self._none = np.zeros(len(items), bool)
         self._named = {name: np.isin(np.arange(len(items)), of_name) for name, of_name in positions.items()}
 
-    def named(self, name: str) -> Mask:
+    def find_named(self, name: str) -> Mask:
         return self._named.get(name, self._none)
 
-    def held(self, option: str) -> Mask:
-        return self.column(option).held
+    def find_holding(self, option: str) -> Mask:
+        return self.find_column(option).held
 
-    def agreeing(self, option: str, wanted: Any) -> Mask:
-        column = self.column(option)
+    def find_agreeing(self, option: str, wanted: Any) -> Mask:
+        column = self.find_column(option)
         agrees_with = np.zeros(len(column.distinct) + 1, bool)  # the last entry is for items without the option
-        agrees_with[column.agreeing(wanted)] = True
+        agrees_with[column.find_agreeing(wanted)] = True
         return agrees_with[column.codes]
 
-    def names(self, positions: Iterable[int]) -> list[str]:
+    def list_names(self, positions: Iterable[int]) -> list[str]:
         return list(dict.fromkeys(self._items[i][0] for i in positions))
 
-    def values(self, option: str, positions: Iterable[int]) -> list[Any]:
-        column = self.column(option)
+    def list_values(self, option: str, positions: Iterable[int]) -> list[Any]:
+        column = self.find_column(option)
         return [column.distinct[c] for c in dict.fromkeys(column.codes[i] for i in positions) if c >= 0]
 
-    def budget(self, budgets: Mapping[str, str]) -> "_Column":
+    def find_budget(self, budgets: Mapping[str, str]) -> "_Column":
         return _Column([options.get(budgets.get(name, ""), _ABSENT) for name, options in self._items])
 
-    def column(self, option: str) -> "_Column":
+    def find_column(self, option: str) -> "_Column":
         if option not in self._made:
             self._made[option] = _Column([options.get(option, _ABSENT) for _, options in self._items])
         return self._made[option]
@@ -201,7 +205,7 @@ class _Column:
             key = json.dumps(value, sort_keys=True)
             if key not in known:
                 known[key] = len(self.distinct)
-                if (scalar := _scalar(value)) is not None:
+                if (scalar := _read_scalar(value)) is not None:
                     self._alike.setdefault(scalar, []).append(known[key])
                 self.distinct.append(value)
             codes.append(known[key])
@@ -209,7 +213,7 @@ class _Column:
         self.codes = np.array(codes, np.intp)
         self.held = self.codes >= 0
 
-    def agreeing(self, wanted: Any) -> list[int]:
+    def find_agreeing(self, wanted: Any) -> list[int]:
         if isinstance(wanted, dict) or (isinstance(wanted, list) and not self._all_scalar):
             return [i for i, value in enumerate(self.distinct) if agrees(wanted, value)]
         each = wanted if isinstance(wanted, list) else [wanted]
@@ -217,12 +221,12 @@ class _Column:
         return [i for scalar in scalars for i in self._alike.get(scalar, [])]
 
 
-def _scalar(value: Any) -> tuple[bool, Any] | None:
+def _read_scalar(value: Any) -> tuple[bool, Any] | None:
     """(is it a Boolean, the value) of a scalar, or of a list whose components are all equal; else None.
 
     The Boolean flag distinguishes True from 1, which compare equal.
     """
     if isinstance(value, list):
-        parts = {_scalar(part) for part in value}
+        parts = {_read_scalar(part) for part in value}
         return next(iter(parts)) if len(parts) == 1 else None
     return None if isinstance(value, dict) else (isinstance(value, bool), value)

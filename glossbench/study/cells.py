@@ -9,11 +9,11 @@ from glossbench.columns import CellRecord
 from glossbench.envmap.lights.light import Light
 from glossbench.options import Options
 from glossbench.scene.points import View
-from glossbench.shading.method import Method, budget_of
+from glossbench.shading.method import Method, find_budget_option
 
 
 @dataclass(frozen=True)
-class Tune:
+class Tuning:
     """One option of a method, to be set to the value in [low, high] at which a metric is lowest."""
 
     option: str
@@ -31,7 +31,7 @@ class Candidate:
     """
 
     method: Method
-    tune: Tune | None = None
+    tune: Tuning | None = None
     follows_seed: bool = field(default=False, compare=False)
 
     @property
@@ -68,11 +68,11 @@ class Cell:
         return self.candidate.method
 
     @property
-    def tune(self) -> Tune | None:
+    def tune(self) -> Tuning | None:
         """The option of the method that is tuned before the cell is measured, or None."""
         return self.candidate.tune
 
-    def record(self, **known: Any) -> CellRecord:
+    def make_record(self, **known: Any) -> CellRecord:
         """The record of this cell with nothing measured yet.
 
         Args:
@@ -83,12 +83,12 @@ class Cell:
             light=self.light.name, light_options=self.light.as_dict(),
             material=self.material.name, material_options=self.material.as_dict(),
             view=self.view.name, view_options=self.view.as_dict(),
-            method=self.method.name, budget=budget_of(type(self.method)), options=self.method.as_dict(),
+            method=self.method.name, budget=find_budget_option(type(self.method)), options=self.method.as_dict(),
             tune={self.tune.option: stated[self.tune.option]} if self.tune else {},
             **{"key": "", "reference_key": "", **known},
         )  # fmt: skip
 
 
-def text_of(item: Options | Candidate) -> str:
+def to_text(item: Options | Candidate) -> str:
     """An item as text: equal for equal items, whatever the order of keys."""
     return f"{item.name} {json.dumps(item.as_dict(), sort_keys=True)}"

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from glossbench.columns import CONDITIONS
 from glossbench.shading.method import METHODS
 from glossbench.study.cell_index import CellIndex, Mask
-from glossbench.study.checked_claims import places_in
-from glossbench.study.claim_names import meanings
+from glossbench.study.claim_checks import collect_places
+from glossbench.study.claim_names import find_meanings
 from glossbench.study.claims import (
     BUDGET,
     SEED,
@@ -18,12 +18,12 @@ from glossbench.study.claims import (
     LowerClaim,
     RatioClaim,
     SlopeClaim,
-    method_of,
-    methods_of,
-    options_of,
-    pairing,
-    places_of,
-    sides_of,
+    find_pairing,
+    get_method,
+    get_options,
+    get_places,
+    list_methods,
+    list_sides,
 )
 
 if TYPE_CHECKING:
@@ -44,14 +44,16 @@ class Count(NamedTuple):
     problem: str = ""
 
 
-def counts(study: "Study") -> list[Count]:
+def count_claims(study: "Study") -> list[Count]:
     """The count of each claim, in the order of the claims."""
     index, kept = study.index, study.kept
     options: dict[str, set[str]] = {}
     for item in study.methods:
         options.setdefault(item.name, set()).update(item.as_dict())
-    twins = _twins(study)
-    parameters = {place: {key for item in items for key in item.as_dict()} for place, items in places_in(study).items()}
+    twins = _number_twins(study)
+    parameters = {
+        place: {key for item in items for key in item.as_dict()} for place, items in collect_places(study).items()
+    }
     return [_count(claim, index, kept, options, parameters, twins) for claim in study.claims]
 
 
@@ -59,36 +61,38 @@ def _count(
     claim: Claim, index: CellIndex, kept: Mask, options: dict[str, set[str]], parameters: dict[str, set[str]],
     twins: NDArray[np.intp],
 ) -> Count:  # fmt: skip
-    of_methods = set().union(*(options[name] for name in methods_of(claim)))
-    within = kept & index.within(claim.where, of_methods)
+    of_methods = set().union(*(options[name] for name in list_methods(claim)))
+    within = kept & index.find_within(claim.where, of_methods)
     sides = []
-    for side in sides_of(claim).values():
-        asked = index.within(places_of(side) | options_of(side), of_methods)
-        sides.append(np.flatnonzero(within & asked & index.is_called("method", method_of(side))))
+    for side in list_sides(claim).values():
+        asked = index.find_within(get_places(side) | get_options(side), of_methods)
+        sides.append(np.flatnonzero(within & asked & index.is_called("method", get_method(side))))
     match claim:
         case LowerClaim() | RatioClaim():
-            shared = set.intersection(*(options[method_of(side)] for side in sides_of(claim).values()))
+            shared = set.intersection(*(options[get_method(side)] for side in list_sides(claim).values()))
             budgets = {name: budget[0] if (budget := METHODS.get(name).contract.budget) else "" for name in options}
-            keys, places = pairing(claim, shared, {budgets[method_of(side)] for side in sides_of(claim).values()})
+            keys, places = find_pairing(
+                claim, shared, {budgets[get_method(side)] for side in list_sides(claim).values()}
+            )
             if SEED not in keys:  # several seeds are one case
                 sides = [side[np.unique(twins[side], return_index=True)[1]] for side in sides]
-            alike = index.alike(places, keys, budgets)
+            alike = index.group_cells(places, keys, budgets)
             (first, n_first), (second, n_second) = (np.unique(alike[side], return_counts=True) for side in sides)
             _, i, j = np.intersect1d(first, second, assume_unique=True, return_indices=True)
             n = int((n_first[i] * n_second[j]).sum())
             equal = ", ".join([*places, *("budget" if key == BUDGET else key for key in keys)])
-            return Count(n, "pair", "" if n else f"no cell of one side has a partner of the same {equal}")
+            return Count(n, "pair", "" if n else f"no cell of one side has a counterpart with the same {equal}")
         case SlopeClaim():
-            [(of, option), *_] = meanings(claim.over, {"method": options[method_of(claim.slope)], **parameters})
+            [(of, option), *_] = find_meanings(claim.over, {"method": options[get_method(claim.slope)], **parameters})
             over = option if of == "method" else f"{of}.{option}"
-            n_values = len(np.unique(index.alike((), [over])[sides[0]]))
+            n_values = len(np.unique(index.group_cells((), [over])[sides[0]]))
             few = f"a slope needs 3 values of {claim.over}, and has {n_values}"
             return Count(len(sides[0]), "cell", few if n_values < 3 else "")
         case _:
             return Count(len(sides[0]), "cell")
 
 
-def _twins(study: "Study") -> NDArray[np.intp]:
+def _number_twins(study: "Study") -> NDArray[np.intp]:
     """A number for each cell. Cells that differ only in the seed of their random points have the same number."""
     known: dict[str, int] = {}
     methods = []

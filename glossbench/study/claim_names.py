@@ -4,21 +4,21 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from glossbench.columns import CONDITIONS
-from glossbench.errors import nearest
+from glossbench.errors import suggest_nearest
 from glossbench.study.claims import (
     Claim,
     LowerClaim,
     RatioClaim,
     SlopeClaim,
     ValueClaim,
-    method_of,
-    options_of,
-    places_of,
-    sides_of,
+    get_method,
+    get_options,
+    get_places,
+    list_sides,
 )
 
 
-def unknown_name(
+def find_unknown_name(
     claim: Claim, methods: Mapping[str, Collection[str]], places: Mapping[str, Collection[str]],
     parameters: Mapping[str, Collection[str]], metrics: Collection[str], costs: Collection[str],
 ) -> tuple[tuple[str | int, ...], str] | None:  # fmt: skip
@@ -31,19 +31,19 @@ def unknown_name(
         metrics: the study's metrics.
         costs: the columns of costs of the study's cells.
     """
-    sides = sides_of(claim)
+    sides = list_sides(claim)
     for path, side in sides.items():
-        name = method_of(side)
+        name = get_method(side)
         if name not in methods:
-            return path, f"no method {name!r} in this study{nearest(name, methods)}"
-        for option in options_of(side):
+            return path, f"no method {name!r} in this study{suggest_nearest(name, methods)}"
+        for option in get_options(side):
             if option not in methods[name]:
                 where = (*path, name, option)
-                return where, f"no option {option!r} of {name} in this study{nearest(option, methods[name])}"
-        for place, value in places_of(side).items():
-            if problem := unknown_place(place, value, places):
+                return where, f"no option {option!r} of {name} in this study{suggest_nearest(option, methods[name])}"
+        for place, value in get_places(side).items():
+            if problem := find_unknown_place(place, value, places):
                 return (*path, place), problem
-    options = [set(methods[method_of(side)]) for side in sides.values()]
+    options = [set(methods[get_method(side)]) for side in sides.values()]
     shared = set.intersection(*options)
     wanted: list[tuple[str, str, str, Collection[str]]] = []  # key, what, name, known
     if isinstance(claim, LowerClaim):
@@ -53,33 +53,33 @@ def unknown_name(
     if isinstance(claim, RatioClaim | ValueClaim):
         wanted.append(("of", "column", claim.of, [*metrics, *costs]))
     if isinstance(claim, SlopeClaim):
-        meant = meanings(claim.over, {"method": shared, **parameters})
+        meant = find_meanings(claim.over, {"method": shared, **parameters})
         if len(meant) > 1:
             return ("over",), f"{claim.over!r} may mean {' or '.join(f'{of}.{key}' for of, key in meant)}: say which"
         if not meant:
             every = {*shared, *(key for own in parameters.values() for key in own)}
-            wanted.append(("over", f"option of {method_of(claim.slope)}", claim.over, every))
+            wanted.append(("over", f"option of {get_method(claim.slope)}", claim.over, every))
     if isinstance(claim, LowerClaim | RatioClaim):
         wanted += [("paired_by", "option of both methods", name, shared) for name in claim.paired_by]
     for key, what, name, known in wanted:
         if same := [each for each in known if each.startswith(f"{name} (") and name not in known]:
             return (key,), f"{name!r} may mean {' or '.join(map(repr, same))}: say which"
         if name not in known:
-            return (key,), f"no {what} {name!r} in this study{nearest(name, known)}"
+            return (key,), f"no {what} {name!r} in this study{suggest_nearest(name, known)}"
     restrictable = {*CONDITIONS, *parameters["material"], *set.union(*options)}
     held = {"method": set.union(*options), **parameters}
     for key, value in claim.where.items():
         if key == "method":
             return ("where", key), "a claim's methods are its sides, not a part of where"
-        if key not in restrictable and not ("." in key and meanings(key, held)):
-            text = f"no option {key!r} of its methods or materials{nearest(key, restrictable)}"
+        if key not in restrictable and not ("." in key and find_meanings(key, held)):
+            text = f"no option {key!r} of its methods or materials{suggest_nearest(key, restrictable)}"
             return ("where", key), text
-        if problem := unknown_place(key, value, places):
+        if problem := find_unknown_place(key, value, places):
             return ("where", key), problem
     return None
 
 
-def meanings(name: str, options: Mapping[str, Collection[str]]) -> list[tuple[str, str]]:
+def find_meanings(name: str, options: Mapping[str, Collection[str]]) -> list[tuple[str, str]]:
     """All meanings of an option's name, as (of, option), where `of` is "method", "light", "material" or "view".
 
     A full name, "material.alpha", has one meaning; a short name, "alpha", has one for each kind with this option.
@@ -90,12 +90,12 @@ def meanings(name: str, options: Mapping[str, Collection[str]]) -> list[tuple[st
     return [(each, name) for each, own in options.items() if name in own]
 
 
-def unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
+def find_unknown_place(place: str, value: Any, places: Mapping[str, Collection[str]]) -> str | None:
     """The message for the first light, material or view that is unknown or not written as one; None if all are fine."""
     for one in (value if isinstance(value, list) else [value]) if place in places else []:
         name, options = next(iter(one.items())) if isinstance(one, dict) and len(one) == 1 else (one, {})
         if not isinstance(name, str) or not isinstance(options, dict):
             return f"must be a {place}, {{{place}: {{option: value}}}}, or a list of these, got {one!r}"
         if name not in places[place]:
-            return f"no {place} {name!r} in this study{nearest(name, places[place])}"
+            return f"no {place} {name!r} in this study{suggest_nearest(name, places[place])}"
     return None

@@ -10,15 +10,15 @@ from glossbench.columns import CONDITIONS
 from glossbench.options import Finite
 
 
-def _tuple(value: Any) -> Any:
+def _to_tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _listed(value: Any) -> Any:
+def _to_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
-def _ordered(bounds: tuple[float | None, float | None]) -> tuple[float | None, float | None]:
+def _check_order(bounds: tuple[float | None, float | None]) -> tuple[float | None, float | None]:
     low, high = bounds
     if low is None and high is None:
         raise ValueError("must have a number for at least one bound")
@@ -27,8 +27,8 @@ def _ordered(bounds: tuple[float | None, float | None]) -> tuple[float | None, f
     return bounds
 
 
-def _one_method(side: Any) -> Any:
-    rule = "must be a method, or {method: {option: value}}, beside it light, material or view at most"
+def _check_one_method(side: Any) -> Any:
+    rule = "must be a method, or {method: {option: value}}; further keys may be light, material and view"
     if not isinstance(side, str | dict):
         raise ValueError(rule)
     if isinstance(side, dict):
@@ -40,18 +40,18 @@ def _one_method(side: Any) -> Any:
     return side
 
 
-def _pair(bounds: Any) -> Any:
+def _check_pair(bounds: Any) -> Any:
     if not isinstance(bounds, list | tuple) or len(bounds) != 2:
-        raise ValueError("must be [low, high], null for what has no bound")
+        raise ValueError("must be [low, high], with null for a missing bound")
     return tuple(bounds)
 
 
-Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_ordered), BeforeValidator(_pair)]
+Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_check_order), BeforeValidator(_check_pair)]
 Name = Annotated[str, Field(min_length=1)]
 # A method, or {method: {option: value, ...}} for those of its cells that have these values. The same mapping may also
 # state a light, material or view, as in `where`: then only cells with that one are meant.
-Side = Annotated[str | dict[Name, Any], BeforeValidator(_one_method)]
-Names = Annotated[list[Name], BeforeValidator(_listed, json_schema_input_type=Name | list[Name])]
+Side = Annotated[str | dict[Name, Any], BeforeValidator(_check_one_method)]
+Names = Annotated[list[Name], BeforeValidator(_to_list, json_schema_input_type=Name | list[Name])]
 
 
 class _Claim(BaseModel):
@@ -124,7 +124,7 @@ class RatioClaim(_Claim):
     """
 
     kind: ClassVar[str] = "ratio"
-    ratio: Annotated[tuple[Side, Side], BeforeValidator(_tuple)]
+    ratio: Annotated[tuple[Side, Side], BeforeValidator(_to_tuple)]
     of: Name
     between: Bounds
     paired_by: Names = []
@@ -147,7 +147,7 @@ class ValueClaim(_Claim):
     equals: Finite | None = None
 
     @model_validator(mode="after")
-    def _one_bound(self) -> "ValueClaim":
+    def _check_one_bound(self) -> "ValueClaim":
         if (self.between is None) == (self.equals is None):
             raise ValueError("needs either 'between' or 'equals'")
         return self
@@ -157,12 +157,12 @@ Claim = LowerClaim | SlopeClaim | RatioClaim | ValueClaim
 KINDS: dict[str, type[Claim]] = {c.kind: c for c in (LowerClaim, SlopeClaim, RatioClaim, ValueClaim)}
 
 
-def stated_claims(study: Mapping[str, Any]) -> list[Claim]:
+def read_claims(study: Mapping[str, Any]) -> list[Claim]:
     """The claims of a resolved study."""
     return [KINDS[kind].model_validate(claim) for claim in study["claims"] for kind in KINDS if kind in claim]
 
 
-def sides_of(claim: Claim) -> dict[tuple[str | int, ...], Side]:
+def list_sides(claim: Claim) -> dict[tuple[str | int, ...], Side]:
     """The one or two sides of a claim, by the path of the key that states each."""
     match claim:
         case LowerClaim():
@@ -175,31 +175,31 @@ def sides_of(claim: Claim) -> dict[tuple[str | int, ...], Side]:
             return {("value",): claim.value}
 
 
-def method_of(side: Side) -> str:
+def get_method(side: Side) -> str:
     """The method of a side."""
     return side if isinstance(side, str) else next(key for key in side if key not in CONDITIONS)
 
 
-def options_of(side: Side) -> dict[str, Any]:
+def get_options(side: Side) -> dict[str, Any]:
     """The options, with their values, that a side asks for."""
-    return {} if isinstance(side, str) else side[method_of(side)]
+    return {} if isinstance(side, str) else side[get_method(side)]
 
 
-def places_of(side: Side) -> dict[str, Any]:
+def get_places(side: Side) -> dict[str, Any]:
     """The light, material and view that a side states; only those that it states."""
     return {} if isinstance(side, str) else {key: value for key, value in side.items() if key in CONDITIONS}
 
 
-def methods_of(claim: Claim) -> set[str]:
+def list_methods(claim: Claim) -> set[str]:
     """The methods that a claim names."""
-    return {method_of(side) for side in sides_of(claim).values()}
+    return {get_method(side) for side in list_sides(claim).values()}
 
 
 SEED = "seed"  # the option that seeds random points, in all methods
 BUDGET = ""  # a pairing option that stands for the budget of each side, where the two budgets have different names
 
 
-def pairing(
+def find_pairing(
     claim: LowerClaim | RatioClaim, shared: Collection[str], budgets: Collection[str]
 ) -> tuple[list[str], list[str]]:
     """The options, and which of light, material and view, that must be equal in two cells to compare them.
@@ -208,13 +208,13 @@ def pairing(
         shared: the options that both methods have.
         budgets: the options that are the budgets of both methods, each once; "" for a method without a budget.
     """
-    apart = {key for side in sides_of(claim).values() for key in options_of(side)}
+    apart = {key for side in list_sides(claim).values() for key in get_options(side)}
     own = [*budgets] if len(budgets) == 1 else [BUDGET]
     equal = own if "" not in budgets and not apart.intersection(budgets) else []
     usual = [
         key for key in dict.fromkeys([*claim.where, *equal]) if key == BUDGET or (key in shared and key not in apart)
     ]
-    stated = {place for side in sides_of(claim).values() for place in places_of(side)}
+    stated = {place for side in list_sides(claim).values() for place in get_places(side)}
     return claim.paired_by or usual, [place for place in CONDITIONS if place not in stated]
 
 
@@ -235,7 +235,7 @@ def agrees(wanted: Any, actual: Any) -> bool:
     return bool(wanted == actual) and isinstance(wanted, bool) == isinstance(actual, bool)
 
 
-def called(name: str, options: Mapping[str, Any]) -> set[str]:
+def list_names(name: str, options: Mapping[str, Any]) -> set[str]:
     """The names of a light, material or view in `where` and `exclude`: its name, and for an image also its file."""
     file = options.get("file") if name == "file" else None
     return {name, file, PurePath(file).name} if isinstance(file, str) else {name}

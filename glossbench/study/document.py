@@ -9,8 +9,8 @@ from typing import Any, get_args
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from glossbench.errors import InputError, nearest
-from glossbench.rules import instead, rule_of
+from glossbench.errors import InputError, suggest_nearest
+from glossbench.rules import state_rule, suggest_instead
 from glossbench.study.yaml_hints import hint
 
 KeyPath = tuple[str | int, ...]
@@ -36,12 +36,12 @@ class Document:
     values: dict[KeyPath, tuple[int, int]] = field(default_factory=dict)
     keys: dict[KeyPath, tuple[int, int]] = field(default_factory=dict)
 
-    def error(self, path: KeyPath, text: str, at_key: bool = False) -> InputError:
+    def make_error(self, path: KeyPath, text: str, at_key: bool = False) -> InputError:
         """InputError `FILE:LINE:COLUMN: text` at a value, at its key, or at the nearest parent that is in the file."""
         marks = self.keys if at_key and path in self.keys else self.values
         while path and path not in marks:
             path = path[:-1]
-        return _error(self.file, *marks.get(path, (1, 1)), text)
+        return _make_error(self.file, *marks.get(path, (1, 1)), text)
 
     def validate(self, model: type[BaseModel], path: KeyPath = ()) -> Any:
         """The model of the mapping at a path; InputError for its first error."""
@@ -49,7 +49,7 @@ class Document:
         for part in path:
             value = value[part]
         if not isinstance(value, dict):
-            raise self.error(path, f"{path_text(path)} must be a mapping, got {value!r}")
+            raise self.make_error(path, f"{format_path(path)} must be a mapping, got {value!r}")
         try:
             return model.model_validate(value)
         except ValidationError as error:
@@ -57,27 +57,27 @@ class Document:
         unknown = [e for e in wrong if e["type"] == "extra_forbidden"]
         if unknown:  # a misspelt key gives two errors, an unknown key and a missing one; the first is more useful
             within = [e["loc"][-1] for e in unknown if e["loc"][:-1] == unknown[0]["loc"][:-1]]
-            known = _fields(model, unknown[0]["loc"][:-1])
-            raise self.unknown((*path, *unknown[0]["loc"][:-1]), "key", list(map(str, within)), known)
+            known = _list_fields(model, unknown[0]["loc"][:-1])
+            raise self.make_unknown_error((*path, *unknown[0]["loc"][:-1]), "key", list(map(str, within)), known)
         first = wrong[0]
-        at: KeyPath = (*path, *self._real(first["loc"], value))
+        at: KeyPath = (*path, *self._strip_type_names(first["loc"], value))
         if first["type"] == "missing":
-            parent = f"{path_text(at)}: " if at else ""
-            raise self.error(at, f"{parent}key {first['loc'][-1]!r} is required")
-        rule = rule_of(first)
-        raise self.error(at, f"{path_text(at)} {rule}{instead(rule, first['input'])}")
+            parent = f"{format_path(at)}: " if at else ""
+            raise self.make_error(at, f"{parent}key {first['loc'][-1]!r} is required")
+        rule = state_rule(first)
+        raise self.make_error(at, f"{format_path(at)} {rule}{suggest_instead(rule, first['input'])}")
 
-    def unknown(self, path: KeyPath, what: str, names: list[str], known: Collection[str]) -> InputError:
+    def make_unknown_error(self, path: KeyPath, what: str, names: list[str], known: Collection[str]) -> InputError:
         """InputError for the unknown names in the mapping at a path, all in one line."""
-        parent = f"{path_text(path)}: " if path else ""
-        told = [f"unknown {what} {names[0]!r}{_nearest(names[0], known)}"]
+        parent = f"{format_path(path)}: " if path else ""
+        told = [f"unknown {what} {names[0]!r}{_suggest_name(names[0], known)}"]
         for name in names[1:]:
             line, _ = self.keys.get((*path, name), (1, 1))
-            told.append(f"and {name!r} on line {line}{_nearest(name, known)}")
-        return self.error((*path, names[0]), parent + "; ".join(told), at_key=True)
+            told.append(f"and {name!r} on line {line}{_suggest_name(name, known)}")
+        return self.make_error((*path, names[0]), parent + "; ".join(told), at_key=True)
 
     @staticmethod
-    def _real(loc: tuple[int | str, ...], value: Any) -> KeyPath:
+    def _strip_type_names(loc: tuple[int | str, ...], value: Any) -> KeyPath:
         """A location without the parts that are not keys of the data: pydantic adds names of types that it tried."""
         found: list[int | str] = []
         for part in loc:
@@ -90,7 +90,7 @@ class Document:
         return tuple(found)
 
 
-def path_text(path: KeyPath) -> str:
+def format_path(path: KeyPath) -> str:
     """A path as text: methods[0].regular_sampling.samples."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix(".")
 
@@ -112,14 +112,14 @@ def read_document(path: Path) -> Document:
     except OSError as error:
         raise InputError(f"cannot read the study {file!r}: {error.strerror}") from None
     if len(content) > MAX_BYTES:
-        raise _error(file, 1, 1, f"the file is larger than {MAX_BYTES} bytes")
+        raise _make_error(file, 1, 1, f"the file is larger than {MAX_BYTES} bytes")
     root = _compose(file, _decode(file, content))
     if root is None:
-        raise _error(file, 1, 1, "the file is empty")
+        raise _make_error(file, 1, 1, "the file is empty")
     document = Document(file)
     if not isinstance(root, yaml.MappingNode):
         kind = "a list" if isinstance(root, yaml.SequenceNode) else f"{root.value!r}"
-        raise _error(file, *_place(root.start_mark), f"the top must be a mapping of keys, got {kind}")
+        raise _make_error(file, *_locate_mark(root.start_mark), f"the top must be a mapping of keys, got {kind}")
     document.data.update(_Builder(document).build(root, ()))
     return document
 
@@ -129,14 +129,14 @@ def dump(data: Any) -> str:
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
 
 
-def _error(file: str, line: int, column: int, text: str) -> InputError:
+def _make_error(file: str, line: int, column: int, text: str) -> InputError:
     line_text = " ".join(text.split())
     if len(line_text) > MAX_MESSAGE:
         line_text = f"{line_text[:MAX_MESSAGE]}..."
     return InputError(f"{file}:{line}:{column}: {line_text}")
 
 
-def _place(mark: Any) -> tuple[int, int]:
+def _locate_mark(mark: Any) -> tuple[int, int]:
     return mark.line + 1, mark.column + 1
 
 
@@ -145,10 +145,10 @@ def _decode(file: str, content: bytes) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = content[: error.start].decode("utf-8", errors="replace")
-        raise _error(file, *_line_column(before), f"byte 0x{content[error.start]:02x} is not UTF-8") from None
+        raise _make_error(file, *_find_line_column(before), f"byte 0x{content[error.start]:02x} is not UTF-8") from None
 
 
-def _line_column(before: str) -> tuple[int, int]:
+def _find_line_column(before: str) -> tuple[int, int]:
     return before.count("\n") + 1, len(before) - before.rfind("\n")
 
 
@@ -161,16 +161,16 @@ def _compose(file: str, text: str) -> Any:
         lines = text.splitlines()
         if mark.index < len(text) and text[mark.index] == "\t":
             indents = not lines[mark.line][: mark.column].strip()
-            problem = "a tab cannot indent; use spaces" if indents else "a tab cannot stand here; use a space"
+            problem = "a tab cannot indent; use spaces" if indents else "a tab is not allowed here; use a space"
         elif problem.startswith("could not find expected ':'"):  # the parser notices this only on a later line
             mark = error.context_mark or mark
-        raise _error(file, *_place(mark), problem + hint(problem, lines, mark.line, mark.column)) from None
+        raise _make_error(file, *_locate_mark(mark), problem + hint(problem, lines, mark.line, mark.column)) from None
     except yaml.reader.ReaderError as error:
         bad = ord(error.character) if isinstance(error.character, str) else error.character
-        place = _line_column(text[: error.position])
-        raise _error(file, *place, f"character U+{bad:04X} is not allowed in YAML") from None
+        place = _find_line_column(text[: error.position])
+        raise _make_error(file, *place, f"character U+{bad:04X} is not allowed in YAML") from None
     except RecursionError:
-        raise _error(file, 1, 1, f"the file is nested more than {MAX_DEPTH} levels deep") from None
+        raise _make_error(file, 1, 1, f"the file is nested more than {MAX_DEPTH} levels deep") from None
 
 
 class _Builder:
@@ -182,58 +182,60 @@ class _Builder:
 
     def build(self, node: yaml.Node, path: KeyPath) -> Any:
         self._n_nodes += 1
-        self._document.values[path] = _place(node.start_mark)
+        self._document.values[path] = _locate_mark(node.start_mark)
         if self._n_nodes > MAX_NODES:
-            raise self._document.error(path, f"more than {MAX_NODES} values, aliases counted at each use")
+            raise self._document.make_error(path, f"more than {MAX_NODES} values, aliases counted at each use")
         if len(path) > MAX_DEPTH:
-            raise self._document.error(path, f"more than {MAX_DEPTH} levels deep, or an alias inside itself")
+            raise self._document.make_error(path, f"more than {MAX_DEPTH} levels deep, or an alias inside itself")
         if isinstance(node, yaml.MappingNode):
-            return self._mapping(node, path)
+            return self._build_mapping(node, path)
         if isinstance(node, yaml.SequenceNode):
             return [self.build(child, (*path, i)) for i, child in enumerate(node.value)]
-        return self._scalar(node)
+        return self._build_scalar(node)
 
-    def _mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
+    def _build_mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for key_node, value_node in node.value:
-            place = _place(key_node.start_mark)
-            parent = f"{path_text(path)}: " if path else ""
-            key = self._scalar(key_node) if isinstance(key_node, yaml.ScalarNode) else None
+            place = _locate_mark(key_node.start_mark)
+            parent = f"{format_path(path)}: " if path else ""
+            key = self._build_scalar(key_node) if isinstance(key_node, yaml.ScalarNode) else None
             if not isinstance(key, str):
                 before = list(found.values())[-1:]
                 is_fraction = isinstance(key, int) and before and isinstance(before[0], int)
                 instead = f"; a number has a point and not a comma: {before[0]}.{key_node.value}" if is_fraction else ""
                 got = f"{parent}a key must be text, got {key_node.value!r:.40}{instead}"
-                raise _error(self._document.file, *place, got)
+                raise _make_error(self._document.file, *place, got)
             if key == "<<":
                 merged = (
                     f"{parent}keys cannot be merged by <<; write them out, or an alias for a whole value, key: *name"
                 )
-                raise _error(self._document.file, *place, merged)
+                raise _make_error(self._document.file, *place, merged)
             if key in found:
                 first = self._document.keys[(*path, key)][0]
-                raise _error(self._document.file, *place, f"{parent}key {key!r} is already on line {first}")
+                raise _make_error(self._document.file, *place, f"{parent}key {key!r} is already on line {first}")
             self._document.keys[(*path, key)] = place
             found[key] = self.build(value_node, (*path, key))
         return found
 
-    def _scalar(self, node: yaml.Node) -> Any:
+    def _build_scalar(self, node: yaml.Node) -> Any:
         tag = node.tag.removeprefix("tag:yaml.org,2002:")
-        place = _place(node.start_mark)
+        place = _locate_mark(node.start_mark)
         surrogate = next((c for c in node.value if "\ud800" <= c <= "\udfff"), None)
         if surrogate:  # from an escape; no file, terminal or page could show it
-            raise _error(self._document.file, *place, f"U+{ord(surrogate):04X} is half a character")
+            raise _make_error(self._document.file, *place, f"U+{ord(surrogate):04X} is half a character")
         if tag not in _SCALARS:
-            raise _error(self._document.file, *place, f"tag {node.tag!r} is not allowed")
+            raise _make_error(self._document.file, *place, f"tag {node.tag!r} is not allowed")
         try:
             return _SCALARS[tag](node.value)
         except ValueError:
             zeros = f"; write {node.value.lstrip('0') or 0}, or 0o{node.value.lstrip('0')} for base 8"
             instead = zeros if re.fullmatch(r"0[0-9]+", node.value) else ""
-            raise _error(self._document.file, *place, f"{node.value!r:.40} is no {tag}{instead}") from None
+            raise _make_error(
+                self._document.file, *place, f"{node.value!r:.40} is not a valid {tag}{instead}"
+            ) from None
 
 
-def _fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
+def _list_fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
     """The keys of the model that is nested in another model at a location."""
     for part in loc:
         if isinstance(part, str) and part in model.model_fields:
@@ -242,29 +244,29 @@ def _fields(model: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
     return list(model.model_fields)
 
 
-def _nearest(name: str, known: Collection[str]) -> str:
+def _suggest_name(name: str, known: Collection[str]) -> str:
     """The hint for an unknown name. A key and value with no space after the colon are read as one name."""
     key, colon, value = name.partition(":")
     if colon and key in known:
         return f"; a colon needs a space after it: {key}: {value}"
-    return nearest(name, known)
+    return suggest_nearest(name, known)
 
 
-def _int(text: str) -> int:
+def _parse_int(text: str) -> int:
     if re.fullmatch(r"[-+]?0[0-9]+", text):
         raise ValueError("a number cannot begin with 0")
     return int(text, {"0x": 16, "0o": 8}.get(text[:2], 10))
 
 
-def _float(text: str) -> float:
+def _parse_float(text: str) -> float:
     return float(re.sub(r"\.(inf|nan)", r"\1", text.lower()))
 
 
 _SCALARS: dict[str, Callable[[str], Any]] = {
     "null": lambda text: None,
     "bool": lambda text: text.lower() == "true",
-    "int": _int,
-    "float": _float,
+    "int": _parse_int,
+    "float": _parse_float,
     "str": str,
 }
 _FLOAT = r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"

@@ -6,30 +6,30 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from glossbench.columns import CONDITIONS, parsed
+from glossbench.columns import CONDITIONS, parse_row
 
 Texts = dict[str, str]
 
 
-def stated(row: Mapping[str, Any]) -> dict[str, Any]:
+def read_stated(row: Mapping[str, Any]) -> dict[str, Any]:
     """The options of a cell as its study states them: for a tuned option how it was tuned, not the value found."""
     how = {key: {"tune": ""} for key in row["tuned"]} | dict(row.get("tune") or {})
     return {**row["options"], **how}
 
 
-def number_in(value: Any) -> float | None:
+def read_number(value: Any) -> float | None:
     """The number that a value states: a number itself, or a list of equal numbers, such as isotropic m; else None."""
     if isinstance(value, list) and value and all(each == value[0] for each in value):
-        return number_in(value[0])
+        return read_number(value[0])
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def budget_of(row: Mapping[str, Any]) -> float | None:
+def read_budget(row: Mapping[str, Any]) -> float | None:
     """The stated value of the budget option of a cell's method; None without a budget, or if the budget is tuned."""
-    return number_in(stated(row).get(row["budget"]))
+    return read_number(read_stated(row).get(row["budget"]))
 
 
-def told_apart(rows: Sequence[Mapping[str, Any]], over: str | None = None) -> list[tuple[Texts, Texts]]:
+def distinguish_rows(rows: Sequence[Mapping[str, Any]], over: str | None = None) -> list[tuple[Texts, Texts]]:
     """For each row, two sets of options as text: (distinguishing, independent of `over`).
 
     The first are the options that distinguish the row from the other rows of its method, without the plotted option
@@ -45,47 +45,47 @@ def told_apart(rows: Sequence[Mapping[str, Any]], over: str | None = None) -> li
     for i, row in enumerate(rows):
         methods.setdefault(row["method"], []).append(i)
     for places in methods.values():
-        own = _told([rows[i] for i in places], over)
+        own = _distinguish_rows([rows[i] for i in places], over)
         for i, texts in zip(places, own, strict=True):
             found[i] = texts
     return found
 
 
-def _told(rows: Sequence[Mapping[str, Any]], over: str | None) -> list[tuple[Texts, Texts]]:
-    """As `told_apart`, for the rows of one method."""
-    every = [stated(row) for row in rows]
+def _distinguish_rows(rows: Sequence[Mapping[str, Any]], over: str | None) -> list[tuple[Texts, Texts]]:
+    """As `distinguish_rows`, for the rows of one method."""
+    every = [read_stated(row) for row in rows]
     keys = {row["budget"] for row in rows} if over is None else {over}
     asked = [each.get(row["budget"] if over is None else over) for row, each in zip(rows, every, strict=True)]
     if over is None:
         done = [(row["options"], row["n_samples"]) for row in rows if row["status"] == "done"]
-        keys |= {key for key in differing(every) if done and all(options.get(key) == n for options, n in done)}
+        keys |= {key for key in find_differing(every) if done and all(options.get(key) == n for options, n in done)}
     shown = [{key: v for key, v in each.items() if key not in keys or _is_tuned(v)} for each in every]
-    texts = {key: texts_of(each[key] for each in shown if key in each) for key in differing(shown)}
+    texts = {key: format_values(each[key] for each in shown if key in each) for key in find_differing(shown)}
     free = {key for key in texts if key in keys or not _follows([each.get(key) for each in shown], asked, over is None)}
-    told = [{key: text[_key(each[key])] for key, text in texts.items() if key in each} for each in shown]
+    told = [{key: text[_make_key(each[key])] for key, text in texts.items() if key in each} for each in shown]
     return [(own, {key: text for key, text in own.items() if key in free}) for own in told]
 
 
-def identity(kind: str, row: Mapping[str, Any], without: str = "") -> str:
+def identify(kind: str, row: Mapping[str, Any], without: str = "") -> str:
     """The name and options of a light, material or view as text, without one of its parameters."""
     options = {key: value for key, value in row[f"{kind}_options"].items() if key != without}
     return json.dumps([row[kind], options], sort_keys=True)
 
 
-def names_of(kind: str, rows: Iterable[Mapping[str, Any]], without: str = "") -> Texts:
+def name_items(kind: str, rows: Iterable[Mapping[str, Any]], without: str = "") -> Texts:
     """By identity, a unique name for each light, material or view.
 
     A file has as its name the shortest end of its path that no other file has. The options in which items of one name
     differ follow in brackets.
     """
-    known = {identity(kind, row, without): row for row in rows}
+    known = {identify(kind, row, without): row for row in rows}
     alike: dict[str, list[dict[str, Any]]] = {}
     options = {key: {k: v for k, v in row[f"{kind}_options"].items() if k != without} for key, row in known.items()}
     for key, row in known.items():
         alike.setdefault(row[kind], []).append(options[key])
-    files = _short_paths([v for each in options.values() for key, v in each.items() if _is_path(key, v)])
+    files = _shorten_paths([v for each in options.values() for key, v in each.items() if _is_path(key, v)])
     telling = {
-        name: {key: texts_of(each.get(key) for each in every) for key in differing(every) if key != "file"}
+        name: {key: format_values(each.get(key) for each in every) for key in find_differing(every) if key != "file"}
         for name, every in alike.items()
     }
     named = {}
@@ -93,31 +93,31 @@ def names_of(kind: str, rows: Iterable[Mapping[str, Any]], without: str = "") ->
         own = options[key]
         file = files.get(own["file"], "") if _is_path("file", own.get("file")) else ""
         called = " ".join(part for part in ("" if file and row[kind] == "file" else str(row[kind]), file) if part)
-        told = {name: files.get(text[_key(own.get(name))], text[_key(own.get(name))])
+        told = {name: files.get(text[_make_key(own.get(name))], text[_make_key(own.get(name))])
                 for name, text in telling[row[kind]].items()}  # fmt: skip
         named[key] = with_options(called, told)
-    return _distinct(named)
+    return _make_unique(named)
 
 
 def with_names(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The rows of a whole table, with the names of reports as `light_name`, `material_name` and `view_name`."""
-    read = [parsed(row) for row in rows]
-    names = {kind: names_of(kind, read) for kind in CONDITIONS}
+    read = [parse_row(row) for row in rows]
+    names = {kind: name_items(kind, read) for kind in CONDITIONS}
     return [
-        {**row, **{f"{kind}_name": names[kind][identity(kind, each)] for kind in CONDITIONS}}
+        {**row, **{f"{kind}_name": names[kind][identify(kind, each)] for kind in CONDITIONS}}
         for row, each in zip(rows, read, strict=True)
     ]
 
 
 def with_options(name: str, options: Mapping[str, Any]) -> str:
     """A name with options in brackets: "ggx (alpha 0.1)"."""
-    return f"{name} ({listed(options)})" if options else name
+    return f"{name} ({format_options(options)})" if options else name
 
 
-def listed(options: Mapping[str, Any]) -> str:
+def format_options(options: Mapping[str, Any]) -> str:
     """Options as text, as in names.
 
-    >>> listed({"samples": 14, "m": [0.1, 0.04], "filter": "gauss"})
+    >>> format_options({"samples": 14, "m": [0.1, 0.04], "filter": "gauss"})
     'samples 14, m [0.1, 0.04], filter gauss'
     """
     return ", ".join(f"{key} {as_text(value)}" for key, value in options.items())
@@ -135,15 +135,15 @@ def as_text(value: Any, digits: int = 4) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def texts_of(values: Iterable[Any]) -> Texts:
+def format_values(values: Iterable[Any]) -> Texts:
     """The text of each value, by its JSON, with enough digits that different values have different texts.
 
-    >>> texts_of([0.12345678, 0.5])
+    >>> format_values([0.12345678, 0.5])
     {'0.12345678': '0.1235', '0.5': '0.5'}
-    >>> texts_of([0.12345678, 0.12345])
+    >>> format_values([0.12345678, 0.12345])
     {'0.12345678': '0.1234568', '0.12345': '0.12345'}
     """
-    known = {_key(value): value for value in values}
+    known = {_make_key(value): value for value in values}
     texts: Texts = {}
     for digits in (4, 7, 17):
         texts = {key: as_text(value, digits) for key, value in known.items()}
@@ -152,7 +152,7 @@ def texts_of(values: Iterable[Any]) -> Texts:
     return {key: text if Counter(texts.values())[text] == 1 else key for key, text in texts.items()}
 
 
-def _key(value: Any) -> str:
+def _make_key(value: Any) -> str:
     return json.dumps(value, sort_keys=True)
 
 
@@ -165,7 +165,7 @@ def _is_path(key: str, value: Any) -> bool:
     return isinstance(value, str) and (key == "file" or "/" in value or "\\" in value)
 
 
-def _short_paths(paths: Iterable[str]) -> Texts:
+def _shorten_paths(paths: Iterable[str]) -> Texts:
     """For each path, its fewest last parts that no other path ends with."""
     parts = {path: [part for part in re.split(r"[/\\]+", path) if part not in ("", ".")] for path in paths}
     short: Texts = {}
@@ -176,7 +176,7 @@ def _short_paths(paths: Iterable[str]) -> Texts:
     return {path: short.get(path, path) for path in parts}
 
 
-def _distinct(names: Texts) -> Texts:
+def _make_unique(names: Texts) -> Texts:
     """Unique names: a name that an earlier one has already gets a number."""
     count: Counter[str] = Counter()
     found = {}
@@ -193,17 +193,17 @@ def _follows(values: Sequence[Any], asked: Sequence[Any], is_budget: bool) -> bo
     """
     found: dict[str, set[str]] = {}
     for value, decides in zip(values, asked, strict=True):
-        found.setdefault(_key(decides), set()).add(_key(value))
+        found.setdefault(_make_key(decides), set()).add(_make_key(value))
     n_found = len(set[str]().union(*found.values()))
     is_single = len(found) > 1 and all(len(own) == 1 for own in found.values())
     return is_single and (is_budget or n_found == len(found))
 
 
-def differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
+def find_differing(options: Sequence[Mapping[str, Any]]) -> list[str]:
     """Keys, in order, whose values are not all equal.
 
-    >>> differing([{"m": 0.1, "f0": 1.0}, {"m": 0.2, "f0": 1.0}, {"m": 0.2, "f0": 1.0, "kd": 0.5}])
+    >>> find_differing([{"m": 0.1, "f0": 1.0}, {"m": 0.2, "f0": 1.0}, {"m": 0.2, "f0": 1.0, "kd": 0.5}])
     ['m', 'kd']
     """
     keys = dict.fromkeys(key for each in options for key in each)
-    return [key for key in keys if len({_key(each.get(key)) for each in options}) > 1]
+    return [key for key in keys if len({_make_key(each.get(key)) for each in options}) > 1]

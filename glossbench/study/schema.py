@@ -6,13 +6,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from glossbench.brdf.measured_file import FORMATS
-from glossbench.documentation import attributes, first_line
-from glossbench.options import Finite, Options, Seed, json_schema
+from glossbench.documentation import read_attributes, read_first_line
+from glossbench.options import Finite, Options, Seed, make_schema
 from glossbench.registry import Registry
 from glossbench.scene.mesh_files import READERS
 from glossbench.study.claims import KINDS, Name
 from glossbench.study.registries import REGISTRIES
-from glossbench.study.shared_schema import shared
+from glossbench.study.shared_schema import share_parts
 from glossbench.truth.reference import ReferenceMethod
 from glossbench.truth.sampling import FIRST_SAMPLES, N_REPLICATES
 
@@ -46,7 +46,7 @@ class ReferenceOptions(BaseModel):
         return self.model_construct(self.model_fields_set, **{**self.model_dump(), "seed": seed})
 
 
-def _module(name: str) -> str:
+def _find_module(name: str) -> str:
     if name.endswith(".py"):
         raise ValueError(f"must be the dotted name of a module, without .py: {name.removesuffix('.py')}")
     if not all(part.isidentifier() for part in name.split(".")):
@@ -91,7 +91,7 @@ class StudyKeys(BaseModel):
     seed: Seed = 0
     device: Literal["cpu", "cuda"] = "cpu"
     time_limit: Annotated[float, Field(gt=0, le=1e7)] = 3600.0
-    plugins: list[Annotated[str, AfterValidator(_module)]] = []
+    plugins: list[Annotated[str, AfterValidator(_find_module)]] = []
 
 
 class TuneKeys(BaseModel):
@@ -109,44 +109,44 @@ class TuneKeys(BaseModel):
 
 def schema() -> dict[str, Any]:
     """JSON Schema of a study, with the options of every registered light, material, view and method."""
-    top = _of_model(StudyKeys)
+    top = _make_model_schema(StudyKeys)
     for key, kind in {**KINDS_OF_ITEMS, "metrics": "metric"}.items():
-        item = _item_schema(key, REGISTRIES[kind])
+        item = _make_item_schema(key, REGISTRIES[kind])
         top["properties"][key]["anyOf"] = [item, {"type": "array", "items": item, "minItems": 1}]
-    top["properties"]["claims"]["items"] = {"anyOf": [_of_model(model) for model in KINDS.values()]}
+    top["properties"]["claims"]["items"] = {"anyOf": [_make_model_schema(model) for model in KINDS.values()]}
     definitions: dict[str, Any] = {}
-    top = _hoisted(top, definitions)
+    top = _hoist(top, definitions)
     schema_of = "https://json-schema.org/draft/2020-12/schema"
-    return shared({"$schema": schema_of, **top, "title": "glossbench study", "$defs": definitions})
+    return share_parts({"$schema": schema_of, **top, "title": "glossbench study", "$defs": definitions})
 
 
-def _of_model(model: type[BaseModel]) -> dict[str, Any]:
+def _make_model_schema(model: type[BaseModel]) -> dict[str, Any]:
     """The schema of a model; each key has its description from the docstring."""
     stated = model.model_json_schema()
     for of, own in ((model, stated), (ReferenceOptions, stated.get("$defs", {}).get("ReferenceOptions", {}))):
-        texts = attributes(of)
+        texts = read_attributes(of)
         for key, value in own.get("properties", {}).items():
             value.pop("title", None)
             if key in texts:
                 value["description"] = texts[key]
         if own:
-            own["description"] = first_line(of)
+            own["description"] = read_first_line(of)
     return stated
 
 
-def _hoisted(stated: Any, definitions: dict[str, Any]) -> Any:
+def _hoist(stated: Any, definitions: dict[str, Any]) -> Any:
     """The schema with all nested definitions moved to `definitions`, where its references look for them."""
     if isinstance(stated, list):
-        return [_hoisted(one, definitions) for one in stated]
+        return [_hoist(one, definitions) for one in stated]
     if not isinstance(stated, dict):
         return stated
-    definitions |= {name: _hoisted(one, definitions) for name, one in stated.get("$defs", {}).items()}
-    return {key: _hoisted(value, definitions) for key, value in stated.items() if key != "$defs"}
+    definitions |= {name: _hoist(one, definitions) for name, one in stated.get("$defs", {}).items()}
+    return {key: _hoist(value, definitions) for key, value in stated.items() if key != "$defs"}
 
 
-def _item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
+def _make_item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
     """The schema of an item: a name, or one name with options; a light, material or view may be a file."""
-    options = {name: _options_schema(registry.get(name), kind == "methods") for name in registry.names()}
+    options = {name: _make_options_schema(registry.get(name), kind == "methods") for name in registry.names()}
     named = {name: {"anyOf": [of_name, {"type": "null"}]} for name, of_name in options.items()}
     one = {
         "type": "object",
@@ -164,9 +164,9 @@ def _item_schema(kind: str, registry: Registry[Any]) -> dict[str, Any]:
     return {"anyOf": [{"enum": registry.names()}, one, *bare]}
 
 
-def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
+def _make_options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
     """The schema of a class's options: each takes a value or a list of values; a method's option may be tuned."""
-    stated, texts = json_schema(cls), attributes(cls)
+    stated, texts = make_schema(cls), read_attributes(cls)
     properties: dict[str, Any] = {}
     lists: dict[str, Any] = {}
     for option, value in stated["properties"].items():
@@ -176,13 +176,13 @@ def _options_schema(cls: type[Options], tunable: bool) -> dict[str, Any]:
         # A scalar stands for equal components of a vector.
         forms = [value, *value.get("prefixItems", [])[:1]]
         lists[option] = {"type": "array", "items": {"anyOf": forms}, "minItems": 1}
-        tuned = [_of_model(TuneKeys)] if tunable else []
+        tuned = [_make_model_schema(TuneKeys)] if tunable else []
         properties[option] = {"anyOf": [*forms, lists[option], *tuned], **beside}
     if not properties:
         return {"type": "object", "maxProperties": 0}
     if len(lists) > 1:  # a single list needs no zip
         properties["zip"] = {
             "type": "object", "properties": lists, "additionalProperties": False,
-            "description": "lists of one length, whose first values go together, then the second, and so on",
+            "description": "lists of equal length; their first values go together, then their second, and so on",
         }  # fmt: skip
-    return {**stated, "description": first_line(cls), "properties": properties}
+    return {**stated, "description": read_first_line(cls), "properties": properties}

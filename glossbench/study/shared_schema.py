@@ -11,30 +11,30 @@ SINGLE = ("items", "additionalProperties", "propertyNames")
 MIN_LENGTH = 80  # characters; a reference to a shorter part would save nothing
 
 
-def shared(schema: dict[str, Any]) -> dict[str, Any]:
+def share_parts(schema: dict[str, Any]) -> dict[str, Any]:
     """The schema with its repeated parts under $defs, each named after the place where it occurs first."""
-    counts = Counter(text for text, _ in _parts(schema, ()))
+    counts = Counter(text for text, _ in _find_parts(schema, ()))
     names: dict[str, str] = {}
     taken = Counter(list(schema["$defs"]))
-    for text, path in _parts(schema, ()):
+    for text, path in _find_parts(schema, ()):
         if counts[text] > 1 and len(text) > MIN_LENGTH and text not in names:
             name = ".".join(path)
             names[text] = f"{name}.{taken[name] + 1}" if taken[name] else name
             taken[name] += 1
-    definitions = {name: _referring(json.loads(text), names, is_top=True) for text, name in names.items()}
-    whole = _referring(schema, names, is_top=True)
+    definitions = {name: _insert_references(json.loads(text), names, is_top=True) for text, name in names.items()}
+    whole = _insert_references(schema, names, is_top=True)
     return {**whole, "$defs": {**whole["$defs"], **definitions}}
 
 
-def _parts(schema: dict[str, Any], path: tuple[str, ...]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _find_parts(schema: dict[str, Any], path: tuple[str, ...]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Every schema below one, as canonical text, with the names on the path to it; also inside repeated parts."""
-    for part, name in _children(schema):
+    for part, name in _find_children(schema):
         below = (*path, name) if name else path
         yield json.dumps(part, sort_keys=True), below
-        yield from _parts(part, below)
+        yield from _find_parts(part, below)
 
 
-def _children(schema: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+def _find_children(schema: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     for key in LISTS:
         yield from ((part, "") for part in schema.get(key, []))
     for key in MAPS:
@@ -42,7 +42,7 @@ def _children(schema: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     yield from ((schema[key], "") for key in SINGLE if isinstance(schema.get(key), dict))
 
 
-def _referring(schema: dict[str, Any], names: dict[str, str], is_top: bool = False) -> dict[str, Any]:
+def _insert_references(schema: dict[str, Any], names: dict[str, str], is_top: bool = False) -> dict[str, Any]:
     """The schema with a reference in place of each part that has a name."""
     text = json.dumps(schema, sort_keys=True)
     if text in names and not is_top:
@@ -50,11 +50,11 @@ def _referring(schema: dict[str, Any], names: dict[str, str], is_top: bool = Fal
     found = dict(schema)
     for key in LISTS:
         if key in found:
-            found[key] = [_referring(part, names) for part in found[key]]
+            found[key] = [_insert_references(part, names) for part in found[key]]
     for key in MAPS:
         if key in found:
-            found[key] = {name: _referring(part, names) for name, part in found[key].items()}
+            found[key] = {name: _insert_references(part, names) for name, part in found[key].items()}
     for key in SINGLE:
         if isinstance(found.get(key), dict):
-            found[key] = _referring(found[key], names)
+            found[key] = _insert_references(found[key], names)
     return found

@@ -15,7 +15,7 @@ def hint(problem: str, lines: list[str], line: int, column: int) -> str:
     text = lines[line] if line < len(lines) else ""
     before, above = text[:column], next((each for each in reversed(lines[:line]) if each.strip()), "")
     if problem.startswith("mapping values are not allowed"):
-        return _second_colon(before, text[column + 1 :].strip(), above)
+        return _hint_at_second_colon(before, text[column + 1 :].strip(), above)
     if problem.startswith("could not find expected ':'"):
         item = re.match(r"\s*[-–—]\s*(\S.*)$", text)
         return f"; a plain dash and a space begin an item: - {item[1].strip()}" if item else "; a key needs a colon"
@@ -24,11 +24,11 @@ def hint(problem: str, lines: list[str], line: int, column: int) -> str:
     if problem.startswith("expected alphabetic or numeric character"):
         return "; text that begins with * or & needs quotes"
     if "<block end>" in problem:
-        return "; its indentation is that of no key above it"
+        return "; its indentation fits no key above it"
     return ""
 
 
-def _second_colon(before: str, rest: str, above: str) -> str:
+def _hint_at_second_colon(before: str, rest: str, above: str) -> str:
     """The hint for a colon inside a value."""
     pair = re.match(r"(\s*(?:- +)*)([\w.]+): +(\S.*)$", before)
     if pair is None:

@@ -46,7 +46,7 @@ def nodes(device: str) -> Nodes:
     return Nodes(*(each.float().to(device) for each in found))
 
 
-def by_moments(
+def sum_by_moments(
     points: ShadingPoints,
     reflectance: Reflectance,
     grid: Nodes,
@@ -62,35 +62,35 @@ def by_moments(
         block: face, s and t of the corner with the smallest s and t, (P, 3).
         row: rows (P, 1) of the table of moments.
     """
-    g = _coefficients(points, reflectance, grid, size, block)
+    g = _expand(points, reflectance, grid, size, block)
     moments = table[row[:, 0]]
     terms = g * moments
     before, last = (terms[:, _BELOW[-3 + k] : _BELOW[-2 + k]].sum(1) for k in (0, 1))
-    rho, rest = _decay(g)
+    rho, rest = _measure_decay(g)
     error = (torch.sqrt(before * before + last * last) * rho + moments[:, 0] * rest * rho**_ALIASING) / (1 - rho)
     return torch.cat([terms[:, : _BELOW[-3]].sum(1) + before + last, error, before + last], 1)
 
 
-def by_corners(
+def sum_by_corners(
     points: ShadingPoints, reflectance: Reflectance, grid: Nodes, size: Tensor, block: Tensor, corners: Tensor
 ) -> Tensor:
-    """As `by_moments`, for blocks over which the light is bilinear.
+    """As `sum_by_moments`, for blocks over which the light is bilinear.
 
     Args:
         corners: the light at the corners (-, -), (-, +), (+, -), (+, +), the sign of y first, (P, 12).
     """
-    g = _coefficients(points, reflectance, grid, size, block)
+    g = _expand(points, reflectance, grid, size, block)
     a, b, c, d = corners.unflatten(1, (4, 3)).unbind(1)
     mean = (a + b + c + d) / 4
     # Moments of x are the slope over sqrt(3), because x = p_1(x) / sqrt(3).
     x, y = (b + d - a - c) / (4 * 3**0.5), (c + d - a - b) / (4 * 3**0.5)
     total = g[:, 0] * mean + g[:, 1] * x + g[:, 2] * y + g[:, 3] * (a + d - b - c) / 12
-    rho, rest = _decay(g)
+    rho, rest = _measure_decay(g)
     error = mean * rest * (rho**_ALIASING / (1 - rho))
     return torch.cat([total, error, torch.zeros_like(error)], 1)
 
 
-def _coefficients(points: ShadingPoints, reflectance: Reflectance, grid: Nodes, size: Tensor, block: Tensor) -> Tensor:
+def _expand(points: ShadingPoints, reflectance: Reflectance, grid: Nodes, size: Tensor, block: Tensor) -> Tensor:
     """g_jk in the order of `shells`, (P, Q^2, 1 or 3)."""
     axes = face_axes(str(block.device)).to(block.dtype)[block[:, 0].long()]
     # The axes of the face in the frame of the point: two products per component and node are left.
@@ -99,17 +99,17 @@ def _coefficients(points: ShadingPoints, reflectance: Reflectance, grid: Nodes, 
     t = block[:, 2, None] + size / 2 * (1 + grid.y)
     inverse = torch.rsqrt(1 + s * s + t * t)
     wi = Vec3(*((n + s * right + t * down) * inverse for n, right, down in zip(*local, strict=True)))
-    weight = torch.where(wi.z > 0, wi.z * (size * size) * _jacobian(inverse), 0.0)
+    weight = torch.where(wi.z > 0, wi.z * (size * size) * _compute_jacobian(inverse), 0.0)
     values = [f * weight for f in reflectance.f(points.wo_local(), wi)]
     return torch.stack([value @ grid.coefficients for value in values], 2)
 
 
-def _jacobian(inverse: Tensor) -> Tensor:
+def _compute_jacobian(inverse: Tensor) -> Tensor:
     """J, from 1 / sqrt(1 + s^2 + t^2)."""
     return inverse * inverse * inverse
 
 
-def _decay(g: Tensor) -> tuple[Tensor, Tensor]:
+def _measure_decay(g: Tensor) -> tuple[Tensor, Tensor]:
     """rho, and the length of the coefficients of the last two shells: (P, 1) each."""
     squares = g.square().sum(2)
     before, last = (squares[:, _BELOW[-5 + 2 * k] : _BELOW[-3 + 2 * k]].sum(1, keepdim=True) for k in (0, 1))

@@ -21,7 +21,7 @@ import torch
 from numpy.polynomial import legendre
 from torch import Tensor
 
-from glossbench.envmap.cubemap import CubeMap, bordered
+from glossbench.envmap.cubemap import CubeMap, add_border
 
 ORDER = 6  # Q: nodes and moments along each axis of a block
 MOMENTS = ORDER * ORDER
@@ -32,7 +32,7 @@ LARGEST_TABLE = 1 << 24  # numbers in the table of a level: finer levels are com
 def gauss() -> tuple[Tensor, Tensor]:
     """Gauss-Legendre nodes (Q,) in [-1, 1], float64, and the matrix (Q, Q) from values there to coefficients."""
     x, w = legendre.leggauss(ORDER)
-    return torch.from_numpy(x), torch.from_numpy((_polynomials(x) * w[:, None] / 2).T)
+    return torch.from_numpy(x), torch.from_numpy((_evaluate_polynomials(x) * w[:, None] / 2).T)
 
 
 @cache
@@ -69,15 +69,15 @@ class LightBlocks:
         if level < len(self.tables):
             return self.tables[level], block
         block, rows = block.unique(return_inverse=True)
-        return self._computed(level, block), rows
+        return self._compute(level, block), rows
 
-    def _computed(self, level: int, block: Tensor) -> Tensor:
+    def _compute(self, level: int, block: Tensor) -> Tensor:
         n, size = 1 << level, self.resolution >> level
         face, row, column = block // (n * n), block // n % n, block % n
         step = torch.arange(size + 2, device=block.device)
         patch = self.texels[face[:, None, None], (row * size)[:, None, None] + step[:, None],
                             (column * size)[:, None, None] + step]  # fmt: skip
-        hats = _hat_moments(size).to(patch)
+        hats = _integrate_hats(size).to(patch)
         found = torch.einsum("nyxc,yj,xk->njkc", patch, hats, hats)
         return found.flatten(1, 2)[:, shells().to(block.device)]
 
@@ -104,19 +104,19 @@ class LightBlocks:
         return torch.stack(found, 1).to(self.texels)[rows]
 
 
-def light_blocks(light: CubeMap) -> LightBlocks:
+def build_light_blocks(light: CubeMap) -> LightBlocks:
     """The blocks of a light: moments by texels at the finest level of the tables, coarser levels from four blocks."""
-    texels = bordered(light.faces)
+    texels = add_border(light.faces)
     r = light.resolution
     level = r.bit_length() - 1
     while level > 0 and 6 * 4**level * MOMENTS * 3 > LARGEST_TABLE:
         level -= 1
     size = r >> level
-    hats = _hat_moments(size).to(texels)
+    hats = _integrate_hats(size).to(texels)
     rows = torch.einsum("fnxcy,yj->fnjxc", texels.unfold(1, size + 2, size), hats)
     found = torch.einsum("fnjmcx,xk->fnmjkc", rows.unfold(3, size + 2, size), hats)
     tables = [found]
-    halves = _halves().to(texels)
+    halves = _halve_polynomials().to(texels)
     while found.shape[1] > 1:
         n = found.shape[1] // 2
         found = found.view(6, n, 2, n, 2, ORDER, ORDER, 3)
@@ -126,13 +126,13 @@ def light_blocks(light: CubeMap) -> LightBlocks:
     return LightBlocks(texels, [each.reshape(-1, MOMENTS, 3)[:, order].contiguous() for each in reversed(tables)])
 
 
-def _polynomials(x: np.ndarray) -> np.ndarray:
+def _evaluate_polynomials(x: np.ndarray) -> np.ndarray:
     """p_j(x), (n, Q)."""
     return legendre.legvander(x, ORDER - 1) * np.sqrt(2 * np.arange(ORDER) + 1)
 
 
 @cache
-def _hat_moments(size: int) -> Tensor:
+def _integrate_hats(size: int) -> Tensor:
     """Mean over a block of `size` texels of each hat function times p_j, (size + 2, Q), float64.
 
     The hats belong to the texels of the block and to one beyond each end.
@@ -142,7 +142,7 @@ def _hat_moments(size: int) -> Tensor:
     # Half a texel at a time every hat is linear, so that the products are polynomials.
     for half in range(2 * size):
         u = half / 2 + (nodes + 1) / 4  # in texels from the begin of the block
-        p = _polynomials(2 * u / size - 1) * weights[:, None] / (4 * size)
+        p = _evaluate_polynomials(2 * u / size - 1) * weights[:, None] / (4 * size)
         for i in range(size + 2):
             hat = np.clip(1 - np.abs(u - (i - 0.5)), 0, None)
             found[i] += hat @ p
@@ -150,9 +150,9 @@ def _hat_moments(size: int) -> Tensor:
 
 
 @cache
-def _halves() -> Tensor:
+def _halve_polynomials() -> Tensor:
     """(2, Q, Q), float64: coefficient l of half the p_j of a block in the p_l of its first and its second half."""
     nodes, weights = legendre.leggauss(ORDER)
-    own = _polynomials(nodes) * weights[:, None] / 2
-    halves = [_polynomials((nodes + side) / 2).T @ own / 2 for side in (-1, 1)]
+    own = _evaluate_polynomials(nodes) * weights[:, None] / 2
+    halves = [_evaluate_polynomials((nodes + side) / 2).T @ own / 2 for side in (-1, 1)]
     return torch.from_numpy(np.stack(halves))

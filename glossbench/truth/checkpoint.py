@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from glossbench.atomic import replacing
-from glossbench.provenance import code_hash, source_hash
-from glossbench.shading.costs import tensors_in
+from glossbench.provenance import compute_code_hash, compute_source_hash
+from glossbench.shading.costs import find_tensors
 
 INTERVAL = 10.0  # least seconds between two savings: the sums of a large image take a hundred megabytes
 
@@ -37,9 +37,9 @@ class Checkpoint:
         """
         if folder is None:
             return Checkpoint(None)
-        digest = hashlib.sha256(code_hash("glossbench.truth.reference").encode())
+        digest = hashlib.sha256(compute_code_hash("glossbench.truth.reference").encode())
         for part in parts:
-            for piece in _bytes(part):
+            for piece in _to_bytes(part):
                 digest.update(piece)
         return Checkpoint(folder / f"{digest.hexdigest()[:20]}.partial.npz")
 
@@ -70,12 +70,12 @@ class Checkpoint:
             self.path.unlink(missing_ok=True)
 
 
-def _bytes(part: Any) -> Iterator[bytes]:
+def _to_bytes(part: Any) -> Iterator[bytes]:
     if isinstance(part, type):
-        yield source_hash(part).encode()
+        yield compute_source_hash(part).encode()
         return
     if isinstance(part, str | int):
         yield f"{part!r} ".encode()
-    for tensor in tensors_in(part):
+    for tensor in find_tensors(part):
         yield f"{tuple(tensor.shape)} {tensor.dtype} ".encode()
         yield tensor.detach().cpu().contiguous().numpy().tobytes()

@@ -19,7 +19,7 @@ def jackknife(value: float, left_out: Sequence[float]) -> tuple[float, float]:
     return (n - 1) * (mean - value), (n - 1) / n * float(((found - mean) ** 2).sum())
 
 
-def unbiased(values: Sequence[float]) -> float:
+def remove_bias(values: Sequence[float]) -> float:
     """A metric minus the bias that noise causes, from the full value and the values without each group.
 
     The result is never below 0 if none of the values is: near 0, a mean square consists only of its bias, and the

@@ -19,10 +19,10 @@ from glossbench.errors import InputError, MethodError, check_call
 from glossbench.process.surroundings import settled
 from glossbench.scene.points import View, image_of
 from glossbench.shading.visibility import occluder_of
-from glossbench.truth.blocks import light_blocks
+from glossbench.truth.blocks import build_light_blocks
 from glossbench.truth.checkpoint import Checkpoint
-from glossbench.truth.sampling import FIRST_SAMPLES, N_REPLICATES, predict_samples, sampled, sampling_tables
-from glossbench.truth.summation import Sums, plan_sum, summed
+from glossbench.truth.sampling import FIRST_SAMPLES, N_REPLICATES, build_tables, predict_samples, sample_points
+from glossbench.truth.summation import Sums, plan_sum, sum_points
 
 N_GROUPS = 8  # of two replicates each; a metric is evaluated once more for each group
 ReferenceMethod = Literal["auto", "summation", "sampling"]
@@ -155,9 +155,9 @@ def compute_reference(
     tell = progress or (lambda noise, n_samples: None)
     made_by, key = (type(material), type(occluder)), getattr(occluder, "key", "")
     sources = (*made_by, light.faces, material.key(), points, key, device)
-    tables = sampling_tables(light, reflectance, occluder)
+    tables = build_tables(light, reflectance, occluder)
     if occluder is None and method != "sampling":
-        blocks, most = light_blocks(light), max_samples * tables.n_techniques
+        blocks, most = build_light_blocks(light), max_samples * tables.n_techniques
         plan = plan_sum(points, reflectance, blocks, relative_error, most)
         # Sampling draws its first samples in any case.
         first = FIRST_SAMPLES * N_REPLICATES * tables.n_techniques
@@ -167,7 +167,9 @@ def compute_reference(
             method = "sampling" if (is_met[0], -n_samples) > (is_met[1], -plan.evaluations) else "summation"
         if method != "sampling":
             kept = Checkpoint.of(checkpoint, *sources, f"{relative_error!r} {most}")
-            return Reference.of_sums(summed(points, reflectance, blocks, plan, relative_error, tell, kept), view.mask())
+            return Reference.of_sums(
+                sum_points(points, reflectance, blocks, plan, relative_error, tell, kept), view.mask()
+            )
     kept = Checkpoint.of(checkpoint, *sources, seed)
-    replicates, n_samples = sampled(points, tables, relative_error, max_samples, seed, tell, kept)
+    replicates, n_samples = sample_points(points, tables, relative_error, max_samples, seed, tell, kept)
     return Reference.of(replicates, view.mask(), n_samples)

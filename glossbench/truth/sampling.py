@@ -62,12 +62,12 @@ class Tables(NamedTuple):
         return 1 + len(self.reflectance.lobes) + bool(self.reflectance.diffuse)
 
 
-def sampling_tables(light: CubeMap, reflectance: Reflectance, occluder: Occluder | None) -> Tables:
+def build_tables(light: CubeMap, reflectance: Reflectance, occluder: Occluder | None) -> Tables:
     """The data of a light, a material and a scene."""
     return Tables(reflectance, luminance_distribution(light, EVEN), finest(light), occluder)
 
 
-def sampled(
+def sample_points(
     points: ShadingPoints,
     tables: Tables,
     relative_error: float,
@@ -107,13 +107,13 @@ def sampled(
                 kept.save(sums, done)
         means = sums[:N_REPLICATES] / n
         # Each half ends by the noise of the other: its own noise is low where it missed what is rare and bright.
-        ends = [_relative_noise(means[half:]) <= relative_error, _relative_noise(means[:half]) <= relative_error]
+        ends = [_measure_noise(means[half:]) <= relative_error, _measure_noise(means[:half]) <= relative_error]
         is_last = 2 * n * N_REPLICATES > max_samples
         ended, at = done[N_REPLICATES:]
         if at:
             means[ended * half : (ended + 1) * half] = sums[N_REPLICATES:]
         n_samples = (n + (at or n)) // 2 * N_REPLICATES * n_techniques
-        progress(_relative_noise(means), n_samples)
+        progress(_measure_noise(means), n_samples)
         if is_last or all(ends) or (at and ends[1 - ended]):
             kept.remove()
             return means, n_samples
@@ -124,7 +124,7 @@ def sampled(
         n *= 2
 
 
-def _relative_noise(means: Tensor) -> float:
+def _measure_noise(means: Tensor) -> float:
     """The standard error of a mean of all replicates, RMS, judged by some of them, divided by their mean."""
     level = float(means.mean())
     noise = float(means.var(0).mean().sqrt()) / N_REPLICATES**0.5
@@ -134,12 +134,12 @@ def _relative_noise(means: Tensor) -> float:
 def predict_samples(
     points: ShadingPoints, tables: Tables, relative_error: float, max_samples: int, seed: int
 ) -> tuple[float, float]:
-    """The relative noise and the samples per pixel at which `sampled` will end, from a first round at a few points."""
+    """The relative noise and the samples per pixel at which `sample_points` will end, from a first round at a few points."""
     first = N_REPLICATES * FIRST_SAMPLES
-    some = points.each(lambda c: c[:: max(1, len(points) // PILOT)])
+    some = points.map(lambda c: c[:: max(1, len(points) // PILOT)])
     kept = Checkpoint(None)
-    replicates, n_samples = sampled(some, tables, relative_error, first, seed, lambda noise, n: None, kept)
-    noise, per_sample = _relative_noise(replicates), n_samples / first
+    replicates, n_samples = sample_points(some, tables, relative_error, first, seed, lambda noise, n: None, kept)
+    noise, per_sample = _measure_noise(replicates), n_samples / first
     while noise > relative_error and 2 * first <= max_samples:
         first, noise = 2 * first, noise / 2**RATE
     return noise, first * per_sample

@@ -20,7 +20,7 @@ from glossbench.directions import Vec3, points_2d, stack, to_world
 from glossbench.envmap.cubemap import face_axes, face_coordinates
 from glossbench.scene.points import ShadingPoints
 from glossbench.shading.kernels import PerPoint, over_points
-from glossbench.truth.block_sums import Nodes, by_corners, by_moments, nodes
+from glossbench.truth.block_sums import Nodes, nodes, sum_by_corners, sum_by_moments
 from glossbench.truth.blocks import MOMENTS, LightBlocks
 from glossbench.truth.checkpoint import Checkpoint
 
@@ -122,7 +122,7 @@ def plan_sum(
     points: ShadingPoints, reflectance: Reflectance, light: LightBlocks, relative_error: float, most: int
 ) -> Plan:
     """The tolerance that makes a sum as accurate as wanted, found with at most `PILOT` of the points."""
-    some = points.each(lambda c: c[:: max(1, len(points) // PILOT)])
+    some = points.map(lambda c: c[:: max(1, len(points) // PILOT)])
     coarse = sum_blocks(some, reflectance, light, Plan(1.0, 1e30, 0.0, 0.0, most))
     mean, tolerance = float(coarse.radiance.mean()), relative_error / SAFETY
     for _ in range(5):
@@ -137,7 +137,7 @@ def plan_sum(
     return plan
 
 
-def summed(
+def sum_points(
     points: ShadingPoints, reflectance: Reflectance, light: LightBlocks, plan: Plan, relative_error: float,
     progress: Callable[[float, int], None], kept: Checkpoint,
 ) -> Sums:  # fmt: skip
@@ -153,7 +153,7 @@ def summed(
     while True:
         now = plan._replace(tolerance=plan.tolerance * 0.4 ** done[2])
         for start in range(done[0], len(points), CHUNK):
-            some = points.each(lambda c: c[start : start + CHUNK])  # noqa: B023
+            some = points.map(lambda c: c[start : start + CHUNK])  # noqa: B023
             found = sum_blocks(some, reflectance, light, now)
             sums[:, start : start + CHUNK] = torch.stack(found[:3])
             done[:2] = start + len(some), done[1] + found.evaluations
@@ -168,7 +168,7 @@ def summed(
         done = [0, 0, done[2] + 1]
 
 
-def seeds_of(points: ShadingPoints, reflectance: Reflectance) -> Seeds:
+def find_seeds(points: ShadingPoints, reflectance: Reflectance) -> Seeds:
     """Samples of all lobes, with the level at which a block has the size of the lobe."""
     found = []
     columns = points.columns(0, len(points))
@@ -194,8 +194,8 @@ def sum_blocks(points: ShadingPoints, reflectance: Reflectance, light: LightBloc
     device, n_points = points.device, len(points)
     grid, axes, normals = nodes(device), face_axes(device).to(points.n.x), stack(points.n)
     total, squares, signed = (torch.zeros(n_points, 3, dtype=torch.float64, device=device) for _ in range(3))
-    seeds = seeds_of(points, reflectance)
-    pairs, level, evaluations = _all_blocks(n_points, device), FIRST, 0
+    seeds = find_seeds(points, reflectance)
+    pairs, level, evaluations = _pair_all_blocks(n_points, device), FIRST, 0
     while len(pairs.point):
         size = 2.0 / (1 << level)
         s, t = pairs.column * size - 1, pairs.row * size - 1
@@ -203,12 +203,12 @@ def sum_blocks(points: ShadingPoints, reflectance: Reflectance, light: LightBloc
         highest = of_face[:, 0] + of_face[:, 1] * s + of_face[:, 2] * t + size * of_face[:, 1:].clamp(min=0).sum(1)
         above = highest > 0
         pairs, s, t = pairs.where(above), s[above], t[above]
-        divided = _among(seeds.blocks(level), pairs.point * (6 << 2 * level) + pairs.block(level))
+        divided = _find_among(seeds.blocks(level), pairs.point * (6 << 2 * level) + pairs.block(level))
         whole = ~divided
         now = pairs.where(whole)
         if len(now.point):
             place = torch.stack([now.face, s[whole], t[whole]], 1).to(normals)
-            found = _evaluated(points.each(lambda c: c[now.point]), reflectance, light, grid, level, place, now)  # noqa: B023
+            found = _evaluate(points.map(lambda c: c[now.point]), reflectance, light, grid, level, place, now)  # noqa: B023
             evaluations += len(now.point) * MOMENTS
             value, error, sign = found.split(3, 1)
             present = total.index_add(0, now.point, value.double()).mean(1)
@@ -225,7 +225,7 @@ def sum_blocks(points: ShadingPoints, reflectance: Reflectance, light: LightBloc
     return Sums(total, error, torch.where(signed < 0, -1.0, 1.0), evaluations)
 
 
-def _all_blocks(n_points: int, device: str) -> Pairs:
+def _pair_all_blocks(n_points: int, device: str) -> Pairs:
     n = 1 << FIRST
     block = torch.arange(6 * n * n, device=device)
     point = torch.arange(n_points, device=device).repeat_interleave(len(block))
@@ -233,14 +233,14 @@ def _all_blocks(n_points: int, device: str) -> Pairs:
     return Pairs(point, block // (n * n), block // n % n, block % n)
 
 
-def _among(keys: Tensor, sought: Tensor) -> Tensor:
+def _find_among(keys: Tensor, sought: Tensor) -> Tensor:
     """Which of the sought numbers are among the sorted keys."""
     if not len(keys):
         return torch.zeros_like(sought, dtype=torch.bool)
     return keys[torch.searchsorted(keys, sought).clamp(max=len(keys) - 1)] == sought
 
 
-def _evaluated(
+def _evaluate(
     points: ShadingPoints,
     reflectance: Reflectance,
     light: LightBlocks,
@@ -254,6 +254,6 @@ def _evaluated(
     arguments = (reflectance, grid, size, PerPoint(place))
     if level < light.finest_level:
         table, row = light.moments(level, block)
-        return over_points(by_moments, points, MOMENTS, *arguments, PerPoint(row[:, None]), table)
+        return over_points(sum_by_moments, points, MOMENTS, *arguments, PerPoint(row[:, None]), table)
     corners = light.corners(level, block).flatten(1)
-    return over_points(by_corners, points, MOMENTS, *arguments, PerPoint(corners))
+    return over_points(sum_by_corners, points, MOMENTS, *arguments, PerPoint(corners))

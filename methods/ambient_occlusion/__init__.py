@@ -28,10 +28,10 @@ from glossbench.prefilter import (
     cube_bytes,
     lobe_radiance,
     lobe_sums,
+    make_whole,
     n_lookups,
     no_lobe_sums,
     stage,
-    whole,
 )
 
 from .openness import openness
@@ -89,7 +89,7 @@ class AmbientOcclusion(Method):
     @stage
     def maps(self, light: CubeMap) -> PartialMaps:
         """The filtered light, or its mean."""
-        faces, region = light.faces, whole(light)
+        faces, region = light.faces, make_whole(light)
         if self.lighting == "constant":
             mean = region.power[0] / region.solid_angle
             faces = (mean @ mean.new_tensor(LUMINANCE)).expand_as(faces)

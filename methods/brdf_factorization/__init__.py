@@ -15,10 +15,10 @@ from glossbench.prefilter import (
     ShadingPoints,
     Solver,
     Vec3,
+    make_whole,
     median_cut,
     stage,
     to_local,
-    whole,
 )
 
 from .factors import BRDFFactors, factor_brdf
@@ -82,7 +82,7 @@ class BRDFFactorization(Method):
     @stage
     def sources(self, light: CubeMap) -> Partition:
         """The directional lights."""
-        return whole(light) if self.lights == 1 else median_cut(light, self.lights)
+        return make_whole(light) if self.lights == 1 else median_cut(light, self.lights)
 
     def shade(self, points: ShadingPoints, material: Material, factors: BRDFFactors, sources: Partition) -> Radiance:
         """Radiance (P, 3)."""

@@ -68,7 +68,7 @@ def factor_brdf(
     wo, wi = (Vec3(*(c[keep] for c in d)) for d in (wo, wi))
     f = torch.stack(widen(reflectance.f(wo, wi), 3), 1).double()
     f = torch.maximum(f, (floor * f.max(0).values).clamp(min=1e-30))
-    rows = [grid_rows(*_places(d, edge), (edge, edge)) for d in (wo, wi, half_vector(wo, wi))]
+    rows = [grid_rows(*_find_places(d, edge), (edge, edge)) for d in (wo, wi, half_vector(wo, wi))]
     laplacian = grid_laplacian((edge, edge))
     maps = [FactorMap(csr_array(rows[0] + rows[1]), laplacian), FactorMap(rows[2], laplacian)]
     # Both directions read p, so its weights sum to 2, and `average_start` would give a wrong level.
@@ -78,7 +78,7 @@ def factor_brdf(
     return BRDFFactors(*(torch.exp(torch.from_numpy(one)).float().view(edge, edge, 3) for one in found.logs))
 
 
-def _places(d: Vec3, edge: int) -> tuple[np.ndarray, np.ndarray]:
+def _find_places(d: Vec3, edge: int) -> tuple[np.ndarray, np.ndarray]:
     """Row and column in texels of directions (P,) on a paraboloid of the hemisphere."""
     row, column = ((0.5 - d.y / (2 * (1 + d.z))) * edge, (0.5 + d.x / (2 * (1 + d.z))) * edge)
     return row.double().numpy(), column.double().numpy()

@@ -46,7 +46,7 @@ from glossbench.prefilter import (
     weighted_radiance,
 )
 
-from .visibility_harmonics import fit_visibility, smooth, visibility_at
+from .visibility_harmonics import evaluate_visibility, fit_visibility, smooth
 
 LodBias = Literal["plain", "filament", "babylon", "materialx", "gltf_ibl_sampler"]
 # Levels that each code adds to log4 of the exact ratio 1 / (N p Omega_texel), from the sources of each code: Filament
@@ -189,12 +189,12 @@ class FilteredImportanceSampling(Method):
             samples = lobe.sample_points(u)
             level = self._level(n, points.device)
             if self.footprint == "isotropic":
-                radiance += over_points(_isotropic, points, n, lobe, samples, pyramid, level, hidden) / n
+                radiance += over_points(_sum_isotropic, points, n, lobe, samples, pyramid, level, hidden) / n
             else:
-                stepped = _steps(lobe, u)
+                stepped = _make_steps(lobe, u)
                 places = torch.arange(1, 2 * self.probes, 2, device=points.device) / self.probes - 1
                 arguments = (lobe, samples, stepped, pyramid, level, places, hidden)
-                radiance += over_points(_affine, points, n * self.probes, *arguments) / n
+                radiance += over_points(_sum_affine, points, n * self.probes, *arguments) / n
         return radiance
 
     def _level(self, n: int, device: str) -> Tensor:
@@ -203,7 +203,7 @@ class FilteredImportanceSampling(Method):
         return torch.tensor(extent + self.mip_bias - log2(n) / 2, device=device)
 
 
-def _isotropic(
+def _sum_isotropic(
     points: ShadingPoints,
     lobe: Lobe,
     samples: Any,
@@ -213,20 +213,20 @@ def _isotropic(
 ) -> Radiance:
     """Sum over samples of one lobe; level = log4(K / N) plus the bias."""
     wi, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
-    return weighted_radiance(pyramid, d, lod, _attenuated(weight, points, d, wi, hidden))
+    return weighted_radiance(pyramid, d, lod, _attenuate(weight, points, d, wi, hidden))
 
 
-def _attenuated(
+def _attenuate(
     weight: Channels, points: ShadingPoints, d: Vec3, wi: Vec3, hidden: Occluder | Tensor | None
 ) -> Channels:
     """The weights times the visibility: from one ray per sample, from the coefficients of each point, or 1."""
     if isinstance(hidden, Tensor):
-        V = visibility_at(hidden, d, wi.z)
+        V = evaluate_visibility(hidden, d, wi.z)
         return tuple(w * V for w in weight)
     return unhidden(weight, points, d, hidden)
 
 
-class Stepped(NamedTuple):
+class SteppedPoints(NamedTuple):
     """Sample points moved by STEP along u1 and along u2, and the product of the signs of both steps, (1, N)."""
 
     first: Any
@@ -237,18 +237,18 @@ class Stepped(NamedTuple):
 STEP = 1e-3  # with float32, differences of directions then keep three to four digits
 
 
-def _steps(lobe: Lobe, u: Tensor) -> Stepped:
+def _make_steps(lobe: Lobe, u: Tensor) -> SteppedPoints:
     """Steps towards the middle of the unit square, so that no point leaves it."""
     signs = torch.where(u < 0.5, 1.0, -1.0)
     first, second = u + STEP * signs * u.new_tensor([1, 0]), u + STEP * signs * u.new_tensor([0, 1])
-    return Stepped(lobe.sample_points(first), lobe.sample_points(second), (signs[:, 0] * signs[:, 1])[None])
+    return SteppedPoints(lobe.sample_points(first), lobe.sample_points(second), (signs[:, 0] * signs[:, 1])[None])
 
 
-def _affine(
+def _sum_affine(
     points: ShadingPoints,
     lobe: Lobe,
     samples: Any,
-    stepped: Stepped,
+    stepped: SteppedPoints,
     pyramid: Environment,
     level: Tensor,
     places: Tensor,
@@ -257,7 +257,7 @@ def _affine(
     """Sum over samples of one lobe; `places` are those of the probes along the major axis, in half axes."""
     wo = points.wo_local()
     wi, _, weight = lobe.sample(wo, samples)
-    weight = _attenuated(weight, points, to_world(wi, points.t, points.b, points.n), wi, hidden)
+    weight = _attenuate(weight, points, to_world(wi, points.t, points.b, points.n), wi, hidden)
     side = torch.exp2(level) / STEP
     a, b = (
         scale(Vec3(end.x - wi.x, end.y - wi.y, end.z - wi.z), side)

@@ -34,7 +34,7 @@ def _fit(points: ShadingPoints, directions: Vec3, solver: Tensor, occluder: Occl
     return v @ solver
 
 
-def visibility_at(coefficients: Tensor, d: Vec3, cos_i: Tensor) -> Tensor:
+def evaluate_visibility(coefficients: Tensor, d: Vec3, cos_i: Tensor) -> Tensor:
     """V (P, N) in [0, 1] in directions above the surface: the fit of V cos_i, (P, order^2), divided by cos_i."""
     order = round(coefficients.shape[1] ** 0.5)
     fit = sum(coefficients[:, k, None] * y for k, y in enumerate(sh_basis(d, order)))

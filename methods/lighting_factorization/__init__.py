@@ -23,8 +23,8 @@ from glossbench.prefilter import (
     ShadingPoints,
     Solver,
     TexelWeight,
+    add_border,
     anisotropy,
-    bordered,
     build_pyramid,
     from_cubemap,
     lookup,
@@ -181,7 +181,7 @@ class LightingFactorization(Method):
             stored = fixed_point([v / unit ** (1 / len(values)) for v in values], self.prescale)
             values, limited = list(stored.textures), True
             color, scale = stored.color * factors.lit, torch.full((3,), float(stored.scale * unit))
-        maps = tuple(_table(v.to(device)) for v in values)
+        maps = tuple(_make_pyramid(v.to(device)) for v in values)
         return Textures(maps, color.to(device), scale.to(device), factors.dominant, limited, logarithm)
 
     def pictures(self, maps: Textures) -> dict[str, Tensor]:
@@ -206,7 +206,7 @@ class LightingFactorization(Method):
         return (product.clamp(max=1) if maps.limited else product) * maps.scale
 
 
-def _table(faces: Tensor) -> Pyramid:
+def _make_pyramid(faces: Tensor) -> Pyramid:
     """Faces (6, R, R, 3) of any sign as a pyramid of one level."""
     sizes = torch.tensor([faces.shape[1]], dtype=torch.int32, device=faces.device)
-    return Pyramid(bordered(faces).reshape(-1, 3), torch.zeros_like(sizes), sizes)
+    return Pyramid(add_border(faces).reshape(-1, 3), torch.zeros_like(sizes), sizes)

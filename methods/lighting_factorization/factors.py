@@ -119,11 +119,11 @@ def factor_lighting(
     iterations = []
     start: list[Floats] | None = None
     for edge in edges:
-        maps = [_factor_map(name, samples, dominant, edge) for name in names]
+        maps = [_make_factor_map(name, samples, dominant, edge) for name in names]
         if start is None:
             start = average_start(log_f, maps)
         else:
-            finer = cube_rows(_texels(edge), logs[-1][0].shape[1])
+            finer = cube_rows(_list_texels(edge), logs[-1][0].shape[1])
             start = [finer @ one for one in start]
         found = factorize(log_f, maps, smoothness, solver, tolerance, max_iterations, start)
         start = list(found.logs)
@@ -132,15 +132,15 @@ def factor_lighting(
     return LightFactors(tuple(logs), (mean > 0).float(), dominant, tuple(iterations))
 
 
-def _texels(edge: int) -> Vec3:
+def _list_texels(edge: int) -> Vec3:
     return Vec3(*(c.reshape(-1).double() for c in texel_directions(edge)))
 
 
-def _factor_map(factor: str, samples: LightingSamples, dominant: Tensor, edge: int) -> FactorMap:
+def _make_factor_map(factor: str, samples: LightingSamples, dominant: Tensor, edge: int) -> FactorMap:
     laplacian = cube_laplacian(edge)
     if factor in _SHARED:
-        d = _texels(samples.edge)
+        d = _list_texels(samples.edge)
         rows = cube_rows(factor_direction(factor, d, d, dominant), edge)
         return FactorMap(rows, laplacian, samples.pairs[:, _SHARED[factor]].numpy())
-    points = pair_points(samples.edge, samples.pairs).each(lambda c: c.double())
+    points = pair_points(samples.edge, samples.pairs).map(lambda c: c.double())
     return FactorMap(cube_rows(factor_direction(factor, points.n, points.wo, dominant), edge), laplacian)

@@ -25,17 +25,17 @@ from glossbench.prefilter import (
     calibrate,
     lobe_radiance,
     lobe_sums,
+    make_whole,
     median_cut,
     n_lookups,
     no_lobe_sums,
     no_shadows,
     shadows,
     stage,
-    whole,
 )
 
 from .map_calibration import MapLevels, calibrate_maps
-from .parabolic_maps import build_parabolic_maps, pitches
+from .parabolic_maps import build_parabolic_maps, compute_pitches
 
 
 @METHODS.register("partial_environment_maps")
@@ -78,7 +78,7 @@ class PartialEnvironmentMaps(Method):
     Source: Knuth et al. 2014, sections 3 and 4, eq. 3 to 5; lobe sums as Kautz and McCool 2000. Differs: the factor A,
     for f cos_i, is not in eq. 4: c is a mean, its integral (s + 1) / (2 pi) times eq. 4. Cropped cubes are ours, and so
     is the quantity that the parabolic maps of section 5 filter, see `build_parabolic_maps`. The blur depends on the
-    angle that a region's area spans, see `variance_shadow_maps`.
+    angle that a region's area spans, see `build_variance_shadow_maps`.
     """
 
     regions: Annotated[int, Field(ge=6, le=4096)] = 64
@@ -120,13 +120,13 @@ class PartialEnvironmentMaps(Method):
     @stage
     def partition(self, light: CubeMap) -> Partition:
         """The regions."""
-        return whole(light) if self._one_cube else median_cut(light, self.regions)
+        return make_whole(light) if self._one_cube else median_cut(light, self.regions)
 
     @stage
     def calibration(self, partition: Partition) -> LobeLevels | MapLevels:
         """Levels of exponents: one list for all cubes, or one for each paraboloid map."""
         if self.storage == "parabolic":
-            return calibrate_maps(pitches(partition), self.mip_filter, self.volume)
+            return calibrate_maps(compute_pitches(partition), self.mip_filter, self.volume)
         return calibrate(partition.index.shape[1], self.mip_filter, self.volume)
 
     @stage

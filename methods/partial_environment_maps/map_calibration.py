@@ -10,7 +10,7 @@ from torch import Tensor
 
 from glossbench.prefilter import N_ANGLES, N_AZIMUTHS, REACH, LobeFilter, LobeLevels, Volume, match_levels, window_taps
 
-from .parabolic_maps import POLE, fill, level_windows, n_levels, n_texels
+from .parabolic_maps import POLE, fill, find_level_windows, n_levels, n_texels
 
 
 class MapLevels(NamedTuple):
@@ -29,7 +29,7 @@ def calibrate_maps(pitch: Tensor, mip_filter: LobeFilter, volume: Volume = "soli
     K_l(theta) is the radiance of a map with one lit texel at its middle. On the plane, in units of texels, it is the
     same for all maps; they differ only in the angle that a texel spans.
     """
-    lobes = _plane_lobes(n_levels(pitch), mip_filter)
+    lobes = _measure_plane_lobes(n_levels(pitch), mip_filter)
     radii = np.linspace(0, REACH, lobes.shape[1])
 
     def levels(pitch: float) -> LobeLevels:
@@ -45,9 +45,9 @@ def calibrate_maps(pitch: Tensor, mip_filter: LobeFilter, volume: Volume = "soli
     return MapLevels(tuple(levels(p) for p in pitch.tolist()))
 
 
-def _plane_lobes(n: int, mip_filter: LobeFilter) -> NDArray[np.float64]:
+def _measure_plane_lobes(n: int, mip_filter: LobeFilter) -> NDArray[np.float64]:
     """Values of n levels of a plane with one lit texel at the origin, at radii from 0 to 6 texels, (n, 513)."""
-    windows = level_windows(torch.tensor([[0, 0, 1, 1]]), n, mip_filter)
+    windows = find_level_windows(torch.tensor([[0, 0, 1, 1]]), n, mip_filter)
     texels = torch.zeros(n_texels(windows), 3)
     fill(texels, windows[:, 0], torch.ones(1, 1, 3), mip_filter)
     radius = torch.linspace(0, REACH, 4 * N_ANGLES - 3, dtype=torch.float64)[:, None]

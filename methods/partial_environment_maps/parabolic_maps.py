@@ -23,7 +23,7 @@ from glossbench.prefilter import (
     Pyramid,
     Taps,
     Vec3,
-    bordered,
+    add_border,
     cross,
     dot,
     finest,
@@ -95,7 +95,7 @@ class ParabolicMaps:
         return -2 * torch.log2(self.pitch * (1 + dot(d, self.a)).clamp(min=POLE))
 
 
-def pitches(partition: Partition) -> Tensor:
+def compute_pitches(partition: Partition) -> Tensor:
     """Edge length of a texel of each map (N,): at the middle of the map it spans a mean texel of the region.
 
     4 pitch^2 = solid angle of the region / its number of texels
@@ -125,28 +125,28 @@ def build_parabolic_maps(light: CubeMap, partition: Partition, mip_filter: LobeF
     Source: Knuth et al. 2014, section 5. Differs: energy is filtered, not radiance, because coarse levels of radiance
     lose energy.
     """
-    pitch, n = pitches(partition), len(partition)
-    frames = _frames(partition.direction)
-    windows = level_windows(_spans(light, partition, frames, pitch), n_levels(pitch), mip_filter)
+    pitch, n = compute_pitches(partition), len(partition)
+    frames = _make_frames(partition.direction)
+    windows = find_level_windows(_find_spans(light, partition, frames, pitch), n_levels(pitch), mip_filter)
     needed = TEXEL_BYTES * n_texels(windows)
     if needed > limit:
         raise InputError(
             f"{n} parabolic partial maps of 6 x {light.resolution}^2 texels need {needed / 1e9:.2f} GB, more than the "
-            f"limit of {limit / 1e9:.2f} GB; take fewer regions or a smaller light"
+            f"limit of {limit / 1e9:.2f} GB; use fewer regions or a smaller light"
         )
     texels = light.faces.new_empty(n_texels(windows), 3)
     texels[0] = 0
-    cube, owner = finest(light), _owners(partition)
+    cube, owner = finest(light), _find_owners(partition)
     for i in range(n):
         t, b, a = (Vec3(*(c[i] for c in v)) for v in frames)
-        image = _level_0(cube, owner == i, (t, b, a), pitch[i], windows[0, i])
+        image = _build_level_0(cube, owner == i, (t, b, a), pitch[i], windows[0, i])
         energy = image.double().sum((0, 1)) * pitch[i].double() ** 2
         factor = torch.where(energy > 0, partition.power[i] / energy, 1.0).float()
         fill(texels, windows[:, i], image * factor, mip_filter)
     return ParabolicMaps(texels, windows.int().to(pitch.device), pitch, *(Vec3(*(c[None] for c in v)) for v in frames))
 
 
-def level_windows(spans: Tensor, n: int, mip_filter: LobeFilter) -> Tensor:
+def find_level_windows(spans: Tensor, n: int, mip_filter: LobeFilter) -> Tensor:
     """The windows of maps at each of n levels, (n, N, 5), from the spans of their level 0, (N, 4).
 
     A span is the first lit row and column of texels, and the last ones + 1. Texel j of a level has the taps
@@ -185,14 +185,14 @@ def fill(texels: Tensor, windows: Tensor, image: Tensor, mip_filter: LobeFilter)
         finer = window
 
 
-def _frames(a: Vec3) -> Frame:
+def _make_frames(a: Vec3) -> Frame:
     """t, b and a (N,): t and b follow the edges of the face that a meets, made normal to a."""
     aside = one_hot(stack(a).abs().argmin(1), 3).float()
     t = normalize(cross(vec3(aside), a))
     return t, cross(a, t), a
 
 
-def _spans(light: CubeMap, partition: Partition, frames: Frame, pitch: Tensor) -> Tensor:
+def _find_spans(light: CubeMap, partition: Partition, frames: Frame, pitch: Tensor) -> Tensor:
     """First row and column, and last row and column + 1, of each region in its map at level 0, (N, 4)."""
     index = partition.index.flatten().long()
     d = Vec3(*(c.flatten().to(index.device) for c in texel_directions(light.resolution)))
@@ -201,8 +201,8 @@ def _spans(light: CubeMap, partition: Partition, frames: Frame, pitch: Tensor) -
     farthest = float(p.norm(dim=1).max())
     if farthest > LARGEST:
         raise InputError(
-            f"a parabolic map holds a region up to {LARGEST:g} of its plane, 127 degrees, from its direction; one of "
-            f"these reaches {min(farthest, 1e6):.3g}"
+            f"a parabolic map can hold a region up to {LARGEST:g} on its plane (127 degrees) from its direction; "
+            f"a region of this light reaches {min(farthest, 1e6):.3g}"
         )
     at, where = p / pitch[index][:, None], index[:, None].expand(-1, 2)
     empty = at.new_zeros(len(partition), 2)
@@ -210,14 +210,14 @@ def _spans(light: CubeMap, partition: Partition, frames: Frame, pitch: Tensor) -
     return torch.cat([low.floor().long() - MARGIN, high.ceil().long() + MARGIN], dim=1)
 
 
-def _owners(partition: Partition) -> Tensor:
+def _find_owners(partition: Partition) -> Tensor:
     """The region of each row of a cube's table; -1 for the rows outside a corner of the cube."""
-    owner = bordered(partition.index[..., None].float())[..., 0]
+    owner = add_border(partition.index[..., None].float())[..., 0]
     owner[:, [0, 0, -1, -1], [0, -1, 0, -1]] = -1
     return owner.flatten()
 
 
-def _level_0(cube: Pyramid, member: Tensor, frame: Frame, pitch: Tensor, window: Tensor) -> Tensor:
+def _build_level_0(cube: Pyramid, member: Tensor, frame: Frame, pitch: Tensor, window: Tensor) -> Tensor:
     """Means over 2x2 of L (1 + d.a)^2, for a cube whose rows are black except the members: (height, width, 3)."""
     top, left, height, width, _ = window.tolist()
     y, x = (

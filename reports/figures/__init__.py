@@ -1,1 +1,1 @@
-"""The figures of results, a class a file: each is found by its presence here."""
+"""The figures of results, one class per file: every file in this folder is loaded."""

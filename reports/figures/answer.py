@@ -14,13 +14,13 @@ from ..typesetting import Press
 
 @FIGURES.register("answer")
 class Answer(Figure):
-    """The picture of the report's first page: crops of the methods where the metric tells most between them."""
+    """The picture of the report's first page: crops of the methods where the metric differs most."""
 
     options: ClassVar[Mapping[str, Option]] = {"metric": MetricOption()}
     in_reports = False  # reports begin with it
 
     def printed(self, report: Report, press: Press, **given: Any) -> dict[str, Any]:
-        found = report.answer_under(given["metric"])
+        found = report.find_answer(given["metric"])
         if found is None:
             raise InputError(f"{report.results.folder} has no cell with an image and {given['metric']}")
-        return {"kind": "crops", **PrintedGroup(report.results, found.group, press).crops(found.cells)}
+        return {"kind": "crops", **PrintedGroup(report.results, found.group, press).arrange_crops(found.cells)}

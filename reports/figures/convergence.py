@@ -8,13 +8,13 @@ from ..model.axes import SAMPLES, Place, Sweep
 from ..model.lines import COSTS
 from ..model.options import AxisOption, MetricOption, Option, PlaceOption
 from ..model.panels import Panels
-from ..model.plots import by_method, over_axis
+from ..model.plots import plot_by_method, plot_over_axis
 from ..model.report import Report
 
 
 @FIGURES.register("convergence")
 class Convergence(Figure):
-    """A metric or cost over what the study sweeps, with fitted slopes and the reference's noise; else by method."""
+    """A metric or cost over a sweep, with fitted slopes and the reference's noise; without a sweep, by method."""
 
     options: ClassVar[Mapping[str, Option]] = {
         "metric": MetricOption(with_costs=True), "over": AxisOption(), "group": PlaceOption(),
@@ -22,9 +22,9 @@ class Convergence(Figure):
 
     def data(self, report: Report, metric: str, over: Sweep, group: Place, **_: Any) -> Panels:  # type: ignore[override]
         lines = report.lines(group, report.metrics[0] if metric in COSTS and report.metrics else metric)
-        panel = over_axis(group, metric, lines)
+        panel = plot_over_axis(group, metric, lines)
         if not lines:
             return Panels(note=f"no cell of {group.title} has {metric}")
         if not panel.spans:
-            return Panels([by_method(group, metric, lines)], "by method")
+            return Panels([plot_by_method(group, metric, lines)], "by method")
         return Panels([panel], f"over {over.name if over.name == SAMPLES else over.title}")

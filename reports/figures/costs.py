@@ -8,7 +8,7 @@ from ..model.axes import Place, Sweep
 from ..model.lines import COSTS
 from ..model.options import AxisOption, MetricOption, Option, PlaceOption
 from ..model.panels import Panels
-from ..model.plots import against_cost, by_method, has_cost
+from ..model.plots import has_cost, plot_against_cost, plot_by_method
 from ..model.report import Report
 
 
@@ -26,8 +26,8 @@ class Costs(Figure):
             return Panels(note=f"no cell of {group.title} has {metric}")
         with_cost = [cost for cost in COSTS if has_cost(lines, cost)]
         if not with_cost:
-            return Panels([by_method(group, metric, lines)], "by method")
-        panels = [against_cost(group, metric, lines, cost) for cost in with_cost]
+            return Panels([plot_by_method(group, metric, lines)], "by method")
+        panels = [plot_against_cost(group, metric, lines, cost) for cost in with_cost]
         free = ", ".join(title.partition(" [")[0] for cost, title in COSTS.items() if cost not in with_cost)
         note = f"No cost, or less than 0.01 ms, for any line: {free}." if free else ""
         return Panels(panels, "against costs", note)

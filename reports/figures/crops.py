@@ -6,14 +6,14 @@ from typing import Any, ClassVar
 from ..figure import FIGURES, Figure
 from ..model.options import CropsOption, ErrorOption, GroupOption, Option
 from ..model.report import Report
-from ..model.selection import middle_budgets
+from ..model.selection import choose_middle_budgets
 from ..print.images import PrintedGroup
 from ..typesetting import Press
 
 
 @FIGURES.register("crops")
 class Crops(Figure):
-    """Crops of each method at its middle budget, with their errors, beside a marked reference."""
+    """Crops of each method at its middle budget, with their errors, next to a marked reference."""
 
     options: ClassVar[Mapping[str, Option]] = {"group": GroupOption(), "metric": ErrorOption(), "crop": CropsOption()}
     in_reports = False  # reports have crops of each group
@@ -21,4 +21,4 @@ class Crops(Figure):
     def printed(self, report: Report, press: Press, **given: Any) -> dict[str, Any]:
         group = given["group"]
         printed = PrintedGroup(report.results, group, press, given["metric"])
-        return {"kind": "crops", **printed.crops(middle_budgets(group), given["crop"])}
+        return {"kind": "crops", **printed.arrange_crops(choose_middle_budgets(group), given["crop"])}

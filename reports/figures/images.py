@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from ..figure import FIGURES, Figure
 from ..model.options import ErrorOption, GroupOption, Option
 from ..model.report import Report
-from ..model.selection import MOST_PICTURES, chosen
+from ..model.selection import MOST_PICTURES, choose_cells
 from ..print.images import PrintedGroup
 from ..typesetting import Press
 
@@ -21,4 +21,4 @@ class Images(Figure):
     def printed(self, report: Report, press: Press, **given: Any) -> dict[str, Any]:
         group = given["group"]
         printed = PrintedGroup(report.results, group, press, given["metric"])
-        return {"kind": "images", **printed.whole(chosen([group], MOST_PICTURES)[0])}
+        return {"kind": "images", **printed.arrange_whole(choose_cells([group], MOST_PICTURES)[0])}

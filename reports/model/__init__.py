@@ -1,1 +1,1 @@
-"""The model of a report: all that it says, computed once from what a run left on disk."""
+"""The model of a report: all its contents, computed once from the files of a run."""

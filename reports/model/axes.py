@@ -1,4 +1,4 @@
-"""What a study sweeps: the numbers that its cells differ in alone, and the places where lines are compared."""
+"""Sweeps of a study: numbers in which cells differ while all else is equal; and the places where lines are compared."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -6,30 +6,38 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from glossbench.columns import CONDITIONS
-from glossbench.study.labels import budget_of, identity, listed, names_of, number_in, stated, told_apart
+from glossbench.study.labels import (
+    distinguish_rows,
+    format_options,
+    identify,
+    name_items,
+    read_budget,
+    read_number,
+    read_stated,
+)
 
-from ..style import looks
-from .conditions import Group, methods_of
+from ..style import assign_looks
+from .conditions import Group, list_methods
 
 SAMPLES = "samples"
-FEW_LINES = 6  # more, and a plot for print is divided
-FEWEST = 3  # values that make a quantity what a study is about
-ASIDE = ("seed",)  # numbers that are no quantity of their own: no plot over a seed says anything
+FEW_LINES = 6  # a printed plot with more lines is divided
+FEWEST = 3  # values of a quantity that a study investigates
+ASIDE = ("seed",)  # numbers over which a plot has no meaning
 
 
 @dataclass(frozen=True)
 class Label:
-    """What tells a line from others: its name, and how it looks.
+    """The name and look of a line, which distinguish it from other lines.
 
     Attributes:
-        index: its place in the study, which gives the marker.
-        method: the place of its method, which gives the colour.
-        colour: that of its method, in a shade of its own where the method has several lines.
-        dash: its place among the lines of its method.
-        facet: where there are more than `FEW_LINES`, its place among those of its method that share the value of the
-            option that divides them the most evenly; None where none of its method shares one.
-        options: those in its name, as text.
-        budget: the option that is its method's budget; "" without one.
+        index: index of the line in the study, which selects the marker.
+        method: index of its method, which selects the colour.
+        colour: the colour of its method, in a different shade for each line of the method.
+        dash: index among the lines of its method.
+        facet: if there are more than `FEW_LINES`: its index among the lines of its method with the same value of the
+            option that divides the lines most evenly; None if no lines of its method share a value.
+        options: the options in its name, as text.
+        budget: the option that is the budget of its method; "" without one.
     """
 
     name: str
@@ -44,13 +52,13 @@ class Label:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A number that cells differ in alone: light samples, an option of methods, a parameter of light, material or view.
+    """A swept number: light samples, an option of methods, or a parameter of light, material or view.
 
     Attributes:
-        name: "samples", the option, or as "material.s" the parameter; "method.samples" where an option of that name is
-            not the budget of its method.
-        labels: by key of a cell that of its line.
-        n_values: the most that a line has; 1 where nothing is swept.
+        name: "samples", the name of the option, or the full name of the parameter, "material.s"; "method.samples" is an
+            option of this name that is not the budget of its method.
+        labels: the label of a line, by the key of each of its cells.
+        n_values: the largest number of values that a line has; 1 if nothing is swept.
     """
 
     name: str
@@ -59,7 +67,7 @@ class Sweep:
 
     @property
     def kind(self) -> str:
-        """Of light, material and view the one that is swept; "" for samples and options."""
+        """Which of light, material and view has the parameter; "" for samples and options."""
         kind = self.name.partition(".")[0]
         return kind if kind in CONDITIONS and "." in self.name else ""
 
@@ -70,28 +78,30 @@ class Sweep:
 
     @property
     def full_name(self) -> str:
-        """With what it is of in front: "material.alpha", "method.regions"; and "samples"."""
+        """The name with its owner: "material.alpha", "method.regions"; or "samples"."""
         return self.name if self.name == SAMPLES or self.kind else f"method.{self.parameter}"
 
     @property
     def title(self) -> str:
-        """As an axis has it."""
+        """The label of the axis."""
         if self.name == SAMPLES:
-            return "light samples a pixel"
+            return "light samples per pixel"
         return f"{self.parameter} of the {self.kind}" if self.kind else self.parameter
 
     def value(self, row: Mapping[str, Any]) -> float | None:
-        """Of a cell; None where it has no such number."""
-        return number_in(row["n_samples"] if self.name == SAMPLES else _options(row, self.kind).get(self.parameter))
+        """The number of a cell; None if the cell does not have it."""
+        return read_number(
+            row["n_samples"] if self.name == SAMPLES else _read_options(row, self.kind).get(self.parameter)
+        )
 
     def point(self, row: Mapping[str, Any]) -> tuple[int, Any]:
-        """What the same cell under another light has in common with it: its line and what was asked of it."""
+        """What a cell shares with the same cell under another light: its line and its stated value."""
         asked: Any = self.value(row)
         if self.name == SAMPLES:
-            budget = budget_of(row)
+            budget = read_budget(row)
             asked = asked if budget is None else budget
         elif not self.kind and _is_tuned(row, self.parameter):
-            asked = "tuned"  # its value is another under each light
+            asked = "tuned"  # its value differs between lights
         return self.labels[row["key"]].index, asked
 
 
@@ -99,7 +109,7 @@ class Place(NamedTuple):
     """Where lines are compared: one condition, or the mean over several lights.
 
     Attributes:
-        lights: of each light its groups: one, or where a parameter is swept those that differ in nothing else.
+        lights: the groups of each light: one group, or several that differ only in a swept parameter.
     """
 
     title: str
@@ -108,24 +118,24 @@ class Place(NamedTuple):
 
     @property
     def groups(self) -> list[Group]:
-        """All of them."""
+        """The groups of all lights."""
         return [group for groups in self.lights for group in groups]
 
 
-def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ()) -> dict[str, Sweep]:
-    """By name what a study sweeps, and samples in any case; first what a report shows unasked.
+def find_sweeps(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ()) -> dict[str, Sweep]:
+    """The swept quantities by name; "samples" is always present. The first is the report's default axis.
 
-    That is, of what has three values or more, what the study's claims fit a slope over; else samples; else what has the
-    most, where it leaves no method out.
+    It is a quantity with at least `FEWEST` values: (1) one that a slope claim uses, (2) samples, (3) the one with the
+    most values, if every method has it.
     """
     rows = [cell.row for group in groups for cell in group.done]
     found: list[Sweep] = []
-    for name in [SAMPLES, *_candidates(rows)]:
-        sweep = Sweep(name, _labels(groups, name))
-        n_values = max((_n_values(place) for place in places_of(groups, sweep)), default=1)
+    for name in [SAMPLES, *_find_candidates(rows)]:
+        sweep = Sweep(name, _label_lines(groups, name))
+        n_values = max((_n_values(place) for place in find_places(groups, sweep)), default=1)
         if n_values > 1 or name == SAMPLES:
             found.append(Sweep(name, sweep.labels, n_values))
-    asked = (named(found, claim["over"]) for claim in claims if "over" in claim)
+    asked = (find_named(found, claim["over"]) for claim in claims if "over" in claim)
     wanted = [*(sweeps[0].name for sweeps in asked if sweeps), SAMPLES]
 
     def rank(sweep: Sweep) -> tuple[int, int, bool]:
@@ -136,15 +146,15 @@ def sweeps_of(groups: Sequence[Group], claims: Iterable[Mapping[str, Any]] = ())
     return {sweep.name: sweep for sweep in sorted(found, key=rank)}
 
 
-def named(sweeps: Iterable[Sweep], name: str) -> list[Sweep]:
-    """Those that a name may mean: "samples", a full name such as material.alpha, or the number's own, alpha."""
+def find_named(sweeps: Iterable[Sweep], name: str) -> list[Sweep]:
+    """The sweeps that a name may mean: "samples", a full name such as material.alpha, or a short name, alpha."""
     known = list(sweeps)
     exact = [sweep for sweep in known if name == sweep.full_name]
     return exact or [sweep for sweep in known if sweep.name != SAMPLES and name == sweep.parameter]
 
 
 def with_costs(sweeps: Mapping[str, Sweep]) -> list[Sweep]:
-    """Those along whose lines errors are plotted against costs: under one condition, and none of samples held fixed."""
+    """The sweeps along which error is plotted against cost: not over conditions, and no line has a fixed budget."""
     is_budgeted = sweeps[SAMPLES].n_values > 1
     return [
         sweep
@@ -154,14 +164,14 @@ def with_costs(sweeps: Mapping[str, Sweep]) -> list[Sweep]:
     ]
 
 
-def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
-    """Groups by what else than the swept quantity they are of, and means over the lights of each material and view."""
+def find_places(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
+    """A place for the groups that differ only in the sweep; and for each material and view the mean over lights."""
     rows = [cell.row for group in groups for cell in group.cells]
     without = {kind: sweep.parameter if kind == sweep.kind else "" for kind in CONDITIONS}
-    names = {kind: names_of(kind, rows, without[kind]) for kind in CONDITIONS}
+    names = {kind: name_items(kind, rows, without[kind]) for kind in CONDITIONS}
     alike: dict[tuple[str, ...], list[Group]] = {}
     for group in groups:
-        alike.setdefault(tuple(identity(kind, group.cells[0].row, without[kind]) for kind in CONDITIONS), []).append(
+        alike.setdefault(tuple(identify(kind, group.cells[0].row, without[kind]) for kind in CONDITIONS), []).append(
             group
         )
     found, shared = [], dict[str, list[list[Group]]]()
@@ -180,18 +190,18 @@ def places_of(groups: Sequence[Group], sweep: Sweep) -> list[Place]:
     return [*found, *means]
 
 
-def _options(row: Mapping[str, Any], kind: str) -> Mapping[str, Any]:
+def _read_options(row: Mapping[str, Any], kind: str) -> Mapping[str, Any]:
     options: Mapping[str, Any] = row[f"{kind}_options" if kind else "options"]
     return options
 
 
-def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Options and parameters that have more than one number; none that was tuned."""
+def _find_candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Options and parameters with more than one number, without tuned options."""
     numbers: dict[str, set[float]] = {}
     for row in rows:
         for kind in ("", *CONDITIONS):
-            for key, value in _options(row, kind).items():
-                number = number_in(value)
+            for key, value in _read_options(row, kind).items():
+                number = read_number(value)
                 if number is None or key in ASIDE or (kind == "" and _is_tuned(row, key)):
                     continue
                 if kind == "" and key == SAMPLES:
@@ -202,21 +212,23 @@ def _candidates(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return [name for name, values in numbers.items() if len(values) > 1]
 
 
-def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
-    """By key of each cell the label of its line, which is a method with the options that tell it from others.
+def _label_lines(groups: Sequence[Group], over: str) -> dict[str, Label]:
+    """The label of each cell's line, by the cell's key. A line is a method with the options that distinguish it.
 
-    Beside lines that are named by their budgets, the sole budget of a method is in its name, too.
+    If the names of other lines contain their budgets, the only budget of a method is in its name, too.
     """
     cells = sorted((cell for group in groups for cell in group.cells), key=lambda cell: cell.index)
     rows = [cell.row for cell in cells]
     names: dict[str, str] = {}  # by key of a cell
-    lines: dict[str, tuple[str, dict[str, str], str]] = {}  # by name the method, the options and the budget
-    told = [options for _, options in told_apart(rows, _told_over(over))]
+    lines: dict[str, tuple[str, dict[str, str], str]] = {}  # method, options and budget, by name
+    told = [options for _, options in distinguish_rows(rows, _name_option(over))]
     has_budgets = any(row["budget"] in options for row, options in zip(rows, told, strict=True))
     for row, options in zip(rows, told, strict=True):
-        sole = {row["budget"]: row["options"].get(row["budget"])} if has_budgets and budget_of(row) is not None else {}
-        called = listed(
-            options | {key: value for key, value in sole.items() if key not in (*options, _told_over(over))}
+        sole = (
+            {row["budget"]: row["options"].get(row["budget"])} if has_budgets and read_budget(row) is not None else {}
+        )
+        called = format_options(
+            options | {key: value for key, value in sole.items() if key not in (*options, _name_option(over))}
         )
         name = f"{row['method']} ({called})" if called else str(row["method"])
         names[row["key"]] = name
@@ -224,12 +236,12 @@ def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
     of_methods: dict[str, list[dict[str, str]]] = {}
     for method, options, _ in lines.values():
         of_methods.setdefault(method, []).append(options)
-    leading = {method: _leading(own) for method, own in of_methods.items()}
+    leading = {method: _choose_leading(own) for method, own in of_methods.items()}
     count = Counter((method, options.get(leading[method])) for method, options, _ in lines.values())
     divided = {method for (method, _), n in count.items() if n > 1 and len(lines) > FEW_LINES}
-    hues = methods_of(groups)
+    hues = list_methods(groups)
     labels: dict[str, Label] = {}
-    drawn = looks([method for method, _, _ in lines.values()], hues)
+    drawn = assign_looks([method for method, _, _ in lines.values()], hues)
     alike: Counter[tuple[str, str | None]] = Counter()
     for index, ((name, (method, options, budget)), (colour, dash)) in enumerate(zip(lines.items(), drawn, strict=True)):
         led = method, options.get(leading[method])
@@ -240,23 +252,23 @@ def _labels(groups: Sequence[Group], over: str) -> dict[str, Label]:
     return {key: labels[name] for key, name in names.items()}
 
 
-def _told_over(name: str) -> str | None:
+def _name_option(name: str) -> str | None:
     return None if name == SAMPLES else name.removeprefix("method.")
 
 
-def _leading(lines: Sequence[Mapping[str, str]]) -> str:
-    """The option that divides lines the most evenly: no value of it has as many lines as one of another option."""
+def _choose_leading(lines: Sequence[Mapping[str, str]]) -> str:
+    """The option that divides the lines most evenly: its most frequent value has the fewest lines."""
     keys = dict.fromkeys(key for line in lines for key in line)
     most = {key: max(Counter(line.get(key) for line in lines).values()) for key in keys}
     return min(most, key=lambda key: most[key], default="")
 
 
 def _is_tuned(row: Mapping[str, Any], option: str) -> bool:
-    return stated(row).get(option) != row["options"].get(option)
+    return read_stated(row).get(option) != row["options"].get(option)
 
 
 def _n_values(place: Place) -> int:
-    """The most values of the swept quantity that a line has at a place."""
+    """The largest number of values of the swept quantity that a line has at a place."""
     values: dict[int, set[float]] = {}
     for group in place.lights[0]:
         for cell in group.done:

@@ -1,4 +1,4 @@
-"""Crops: the windows of an image where methods err most, and each in another place than the others."""
+"""Crops: the windows of an image where methods err most, without overlap."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
@@ -9,28 +9,28 @@ import scipy
 from ..raster import Floats, Mask
 
 Pixels = TypeVar("Pixels", Floats, Mask)
-SHARE = 6  # of the shorter side of the image: the side of a crop
+SHARE = 6  # the side of a crop is the shorter side of the image divided by this
 SMALLEST = 12  # pixels on the side of a crop
 
 
 class Crop(NamedTuple):
-    """A window [pixels]: its left upper corner, counted from that of the image, and its size."""
+    """A window [pixels]: its upper left corner, from the upper left corner of the image, and its size."""
 
     x: int
     y: int
     width: int
     height: int
 
-    def of(self, image: Pixels) -> Pixels:
-        """What of an image (H, W, ...) is in it."""
+    def cut(self, image: Pixels) -> Pixels:
+        """The part of an image (H, W, ...) in the window."""
         return image[self.y : self.y + self.height, self.x : self.x + self.width]
 
 
-def crops_of(errors: Sequence[Floats], mask: Mask, limit: float, n: int = 2) -> list[Crop]:
-    """At most n square windows that do not overlap, each with the largest mean |error| of what is left.
+def choose_crops(errors: Sequence[Floats], mask: Mask, limit: float, n: int = 2) -> list[Crop]:
+    """At most n square windows that do not overlap, each with the largest mean |error| outside the earlier ones.
 
-    Errors (H, W) are those of all images to be compared; each counts up to `limit`, so that no single pixel decides,
-    and zero off the mask, so that windows lie on the surface.
+    Errors (H, W) are those of all compared images. They are clipped at `limit`, so that no single pixel decides,
+    and are zero off the mask, so that windows lie on the surface.
     """
     side = min(max(SMALLEST, round(min(mask.shape) / SHARE)), *mask.shape)
     clipped = [np.where(mask & np.isfinite(error), np.minimum(np.abs(error), limit), 0) for error in errors]

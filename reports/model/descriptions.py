@@ -1,4 +1,4 @@
-"""Methods and metrics in words: what the run that made the results knew of them, with equations and sources."""
+"""Descriptions of methods and metrics as the run recorded them, with equations and sources."""
 
 import re
 from collections.abc import Sequence
@@ -6,20 +6,19 @@ from typing import NamedTuple
 
 from glossbench.findings.descriptions import Descriptions
 
-from .notation import Run, runs
+from .notation import Run, split_runs
 
-ABSENT = "Of a plug-in that is not installed here."
-INSTALLED = "The results do not say what the run knew of its methods: these are the words of what is installed here."
+ABSENT = "It belongs to a plug-in that is not installed here."
+INSTALLED = "The results do not describe their methods; these descriptions are those of the installed methods."
 
 
 class MethodText(NamedTuple):
-    """A method as a report tells of it.
+    """The description of a method in a report.
 
     Attributes:
-        equation: in the notation of typst; "" where the class states none.
-        text: what the docstring says before its attributes, paragraphs of runs; without the clause that the equation
-            says.
-        source: where it comes from, and how it differs from that.
+        equation: in the notation of typst; "" if the class does not state one.
+        text: the docstring before its attributes, as paragraphs of runs, without the formula that the equation shows.
+        source: the source of the method, and how it differs from it.
     """
 
     name: str
@@ -29,40 +28,40 @@ class MethodText(NamedTuple):
 
 
 class Definition(NamedTuple):
-    """What a metric is: its unit, and the formula of its number in plain text, "" where that is not known."""
+    """A metric: its unit, and its formula in plain text; "" if it is not known."""
 
     name: str
     unit: str
     formula: str
 
 
-def defined(names: Sequence[str], known: Descriptions) -> list[Definition]:
+def define_metrics(names: Sequence[str], known: Descriptions) -> list[Definition]:
     """The metrics of these columns."""
     found = []
     for name in names:
-        of = known.of("metric", name) or known.of("metric", name.partition(" ")[0])
+        of = known.find("metric", name) or known.find("metric", name.partition(" ")[0])
         found.append(Definition(name, "" if of is None or of.unit == "1" else of.unit, of.formula if of else ""))
     return found
 
 
-def described(names: Sequence[str], known: Descriptions) -> list[MethodText]:
-    """The methods of these names, in this order; one that is not known says so."""
-    return [_described(name, known) for name in dict.fromkeys(names)]
+def describe_methods(names: Sequence[str], known: Descriptions) -> list[MethodText]:
+    """The methods with these names, in this order; the text of an unknown method says that it is unknown."""
+    return [_describe_method(name, known) for name in dict.fromkeys(names)]
 
 
-def _described(name: str, known: Descriptions) -> MethodText:
-    found = known.of("method", name)
+def _describe_method(name: str, known: Descriptions) -> MethodText:
+    found = known.find("method", name)
     if found is None:
-        return MethodText(name, "", [runs(ABSENT)], "")
+        return MethodText(name, "", [split_runs(ABSENT)], "")
     paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", found.text)]
     text = [part for part in paragraphs if not part.startswith(("Attributes:", "Args:", "Source:"))]
     if found.equation and text:
-        text[0] = _after_formulas(text[0])
-    return MethodText(name, found.equation, [runs(part) for part in text if part], found.source)
+        text[0] = _remove_formulas(text[0])
+    return MethodText(name, found.equation, [split_runs(part) for part in text if part], found.source)
 
 
-def _after_formulas(text: str) -> str:
-    """A paragraph without the clauses at its beginning that are formulas, which the equation says."""
+def _remove_formulas(text: str) -> str:
+    """A paragraph without the formulas at its beginning, which the equation already shows."""
     begin = depth = 0
     for end, letter in enumerate(text, 1):
         depth += (letter in "([") - (letter in ")]")

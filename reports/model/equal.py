@@ -1,4 +1,4 @@
-"""Equal time and equal error: what each line would reach at round times and errors, between the points it has."""
+"""Equal time and equal error: interpolated error of each line at round times, and time at round errors."""
 
 from collections.abc import Callable, Sequence
 from math import exp, floor, inf, log, log10
@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from .axes import Place
-from .lines import Measured, axis_of
+from .lines import MeasuredLine, make_axis
 from .panels import Axis, Floats
 
 FEWEST_COLUMNS, MOST_COLUMNS = 3, 6
-DIGITS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7))  # the second where the first gives too few columns
+DIGITS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7))  # the second is used if the first gives too few columns
 
 
 class Value(NamedTuple):
-    """What a line would reach by the median time of its runs; low and high, by the fastest and by the slowest.
+    """An interpolated value of a line, by the median, the fastest (low) and the slowest (high) time of its runs.
 
-    `high` is infinite where the slowest run takes too long.
+    `high` is infinite if the slowest run takes too long.
     """
 
     middle: float
@@ -26,7 +26,7 @@ class Value(NamedTuple):
 
     @property
     def has_spread(self) -> bool:
-        """Whether the runs leave it open."""
+        """Whether the value differs between the fastest and the slowest run."""
         return self.low < self.high
 
 
@@ -35,29 +35,29 @@ class EqualTable(NamedTuple):
 
     Attributes:
         at: the heads of the columns.
-        rows: a value a column, None beyond the points of a line: nothing is extrapolated.
-        best: of each column the place of the line with the lowest value, where its runs are all below those of the
-            others, and another that has no value here did not come as low by its own points; else None.
+        rows: one value per column; None beyond the points of a line, because nothing is extrapolated.
+        best: for each column, the index of the line with the lowest value. None if its interval overlaps with that of
+            another line, or if a line without a value in this column has a point at least as low.
     """
 
     at: Sequence[float]
-    lines: Sequence[Measured]
+    lines: Sequence[MeasuredLine]
     rows: Sequence[Sequence[Value | None]]
     best: Sequence[int | None]
 
     @property
     def is_open(self) -> bool:
-        """Whether a column has no best, as times of runs overlap."""
+        """Whether a column has no best line because the times of runs overlap."""
         return None in self.best
 
     @property
     def has_points(self) -> bool:
-        """Whether a line has one budget alone."""
+        """Whether a line has only one budget."""
         return any(len(line.x) == 1 for line in self.lines)
 
 
-class Equal(NamedTuple):
-    """The tables of a place over samples, by its number from 1 on, and of a metric; one of the two may be None."""
+class EqualTables(NamedTuple):
+    """The two tables of one place over samples (counted from 1) and one metric; one table may be None."""
 
     number: int
     place: Place
@@ -68,26 +68,26 @@ class Equal(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """Log time, of the median, the fastest and the slowest run, and log error of the points of a line, by time."""
+    """The points of a line, sorted by time: log of the median, fastest and slowest time, and log error."""
 
     time: Floats
     low: Floats
     high: Floats
     error: Floats
 
-    def error_at(self, time: float) -> Value | None:
-        """Straight between neighbouring points; of a sole one its own error at any time that suffices for it."""
+    def interpolate_error(self, time: float) -> Value | None:
+        """Linear interpolation between points. A single point has its error at any time that is long enough."""
         at = log(time)
         if not len(self.time) or at < self.time[0] or (len(self.time) > 1 and at > self.time[-1]):
             return None
-        # Where runs take less time, less error is reached in it; the slowest may not come to their end.
+        # With the fastest runs the error at this time is lower; the slowest run may need more than this time.
         middle, low, high = (exp(float(np.interp(at, t, self.error))) for t in (self.time, self.low, self.high))
         return Value(middle, min(low, middle), max(high, middle) if at >= self.high[0] else inf)
 
     def time_at(self, error: float) -> Value | None:
-        """The least time from which on a segment reaches so low an error; None too where the first point is below.
+        """The shortest time at which a segment reaches this error; None if the first point is already below it.
 
-        A sole point takes its own time to any error that is not below its own.
+        A single point has its time for any error that is not below its own.
         """
         wanted = log(error)
         if len(self.time) == 1 and self.error[0] <= wanted:
@@ -101,39 +101,39 @@ class Curve(NamedTuple):
                 return Value(*map(exp, times))
         return None
 
-    def least_error(self, time: float) -> float:
-        """Of the points that take no longer, the lowest error; infinite where there is none."""
+    def find_least_error(self, time: float) -> float:
+        """The lowest error of the points that take at most this time; infinite without such a point."""
         return exp(self.error[self.time <= log(time)].min(initial=inf))
 
-    def least_time(self, error: float) -> float:
-        """Of the points with no more error, the shortest time; infinite where there is none."""
+    def find_least_time(self, error: float) -> float:
+        """The shortest time of the points with at most this error; infinite without such a point."""
         return exp(self.time[self.error <= log(error)].min(initial=inf))
 
 
-def equal_tables(number: int, place: Place, metric: str, lines: Sequence[Measured]) -> Equal | None:
-    """Both tables of a place and metric; None where no two lines can be compared."""
-    axis = axis_of(place, metric)
-    by_time, by_error = error_at_time(lines, axis), time_at_error(lines, axis)
-    return Equal(number, place, metric, axis, by_time, by_error) if by_time or by_error else None
+def make_equal_tables(number: int, place: Place, metric: str, lines: Sequence[MeasuredLine]) -> EqualTables | None:
+    """Both tables of a place and metric; None if no two lines can be compared."""
+    axis = make_axis(place, metric)
+    by_time, by_error = compare_errors(lines, axis), compare_times(lines, axis)
+    return EqualTables(number, place, metric, axis, by_time, by_error) if by_time or by_error else None
 
 
-def error_at_time(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
-    """The error of each line at round shading times [ms]; None where no two lines share one."""
-    curves = [_curve(line, axis) for line in lines]
+def compare_errors(lines: Sequence[MeasuredLine], axis: Axis) -> EqualTable | None:
+    """The error of each line at round shading times [ms]; None if no two lines share a time."""
+    curves = [_make_curve(line, axis) for line in lines]
     ends = [(c.time[0], c.time[-1]) for c in curves if len(c.time)]
-    return _table(ends, lines, curves, Curve.error_at, Curve.least_error)
+    return _make_table(ends, lines, curves, Curve.interpolate_error, Curve.find_least_error)
 
 
-def time_at_error(lines: Sequence[Measured], axis: Axis) -> EqualTable | None:
-    """The least shading time [ms] at which each line comes down to round errors; None where no two lines share one."""
-    curves = [_curve(line, axis) for line in lines]
+def compare_times(lines: Sequence[MeasuredLine], axis: Axis) -> EqualTable | None:
+    """The shortest shading time [ms] at which each line reaches round errors; None if no two lines share an error."""
+    curves = [_make_curve(line, axis) for line in lines]
     ends = [(c.error.min(), c.error[0]) for c in curves if len(c.error)]
-    table = _table(ends, lines, curves, Curve.time_at, Curve.least_time)
+    table = _make_table(ends, lines, curves, Curve.time_at, Curve.find_least_time)
     return table and EqualTable(table.at[::-1], table.lines, [row[::-1] for row in table.rows], table.best[::-1])
 
 
-def _curve(line: Measured, axis: Axis) -> Curve:
-    """Of the points that the reference resolves."""
+def _make_curve(line: MeasuredLine, axis: Axis) -> Curve:
+    """The curve through the points that the reference resolves."""
     time, error = line.costs["shade"], line.errors
     low, high = line.spread or (time, time)
     use = np.isfinite(error) & (error > 0) & (time > 0) & (low > 0) & ~line.at_floor & axis.is_log
@@ -141,14 +141,15 @@ def _curve(line: Measured, axis: Axis) -> Curve:
     return Curve(*(np.log(each[use][order]) for each in (time, low, high, error)))
 
 
-def _table(
-    ends: Sequence[tuple[float, float]], lines: Sequence[Measured], curves: Sequence[Curve],
+def _make_table(
+    ends: Sequence[tuple[float, float]], lines: Sequence[MeasuredLine], curves: Sequence[Curve],
     value_at: Callable[[Curve, float], Value | None], least_at: Callable[[Curve, float], float],
 ) -> EqualTable | None:  # fmt: skip
-    """Columns that two lines or more have a value in, thinned evenly.
+    """A table of columns in which at least two lines have a value; of many columns, some at even distances.
 
     Args:
-        least_at: what a line reached by its points alone: a line without a value may have come lower than the best.
+        least_at: the lowest value among the points of a line: a line without an interpolated value may be lower than
+            the best.
     """
     with_points = [(line, curve) for line, curve in zip(lines, curves, strict=True) if len(curve.time)]
     columns: dict[float, list[Value | None]] = {}
@@ -163,12 +164,12 @@ def _table(
     if not shared:
         return None
     rows = [[columns[at][i] for at in shared] for i in range(len(with_points))]
-    best = [_best(columns[at], [least_at(curve, at) for _, curve in with_points]) for at in shared]
+    best = [_find_best(columns[at], [least_at(curve, at) for _, curve in with_points]) for at in shared]
     return EqualTable(shared, [line for line, _ in with_points], rows, best)
 
 
-def _best(column: Sequence[Value | None], least: Sequence[float]) -> int | None:
-    """The place of the lowest value, where its runs do not overlap with those of another, nor is one without lower."""
+def _find_best(column: Sequence[Value | None], least: Sequence[float]) -> int | None:
+    """The index of the lowest value; None if its interval overlaps another, or a line without a value is lower."""
     (first, best), *others = sorted(
         ((i, value) for i, value in enumerate(column) if value is not None), key=lambda pair: pair[1]
     )
@@ -177,9 +178,9 @@ def _best(column: Sequence[Value | None], least: Sequence[float]) -> int | None:
 
 
 def _round_values(ends: Sequence[tuple[float, float]], digits: Sequence[float]) -> list[float]:
-    """Digits times powers of ten between the ends of the log intervals, all of them together, and the next above.
+    """Round values (digits times powers of ten) within the union of the log intervals, and the next one above.
 
-    The next one, so that there is a column for points that no interval contains.
+    The next one gives a column for points that no interval contains.
     """
     if not ends:
         return []

@@ -1,4 +1,4 @@
-"""Errors of single pixels, each with its formula; the viewer computes the same, and tests compare the numbers."""
+"""Errors of single pixels, each with its formula. The viewer computes the same errors, and tests compare them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,8 @@ ERRORS = {
 }
 
 
-def error(mode: str, x: Floats, y: Floats) -> Floats:
-    """The error of each pixel, of radiance (..., 3), by the formula that ERRORS states; all but FLIP."""
+def compute_error(mode: str, x: Floats, y: Floats) -> Floats:
+    """The error of each pixel of radiance (..., 3), by the formula in ERRORS; not for FLIP."""
     d = x - y
     match mode:
         case "signed":

@@ -1,21 +1,21 @@
-"""Facts of a report beside its numbers: cells without an image, versions and hardware, options of each condition."""
+"""Facts in a report besides numbers: cells without an image, versions and hardware, options of each condition."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from glossbench.study.labels import listed
+from glossbench.study.labels import format_options
 
 from .conditions import Cell, Group
 from .report import Report
 
-# Columns that say by what cells were made, where the provenance of the run tells of one process alone.
+# Columns with the origin of each cell: the provenance of the run describes only one of the processes.
 OF_CELLS = {
     "version": "versions of the cells", "torch": "torch of the cells", "device": "devices of the cells",
     "seed": "seeds", "light_key": "light keys",
 }  # fmt: skip
 
 
-class Missing(NamedTuple):
+class MissingCell(NamedTuple):
     """A cell without an image, and why: a reason or a traceback, and its last line."""
 
     group: Group
@@ -25,35 +25,37 @@ class Missing(NamedTuple):
 
     @property
     def has_failed(self) -> bool:
-        """Whether it raised an error; else its method said that it cannot do this."""
+        """Whether it raised an error; otherwise its method does not support it."""
         return bool(self.cell.row["status"] == "failed")
 
 
-def without_image(report: Report) -> list[Missing]:
+def without_image(report: Report) -> list[MissingCell]:
     """All cells without an image."""
     found = []
     for group in report.groups:
         for cell in group.cells:
             if not cell.done:
                 reason = (cell.row["reason"] or "").strip() or "no reason is known"
-                found.append(Missing(group, cell, reason, reason.splitlines()[-1]))
+                found.append(MissingCell(group, cell, reason, reason.splitlines()[-1]))
     return found
 
 
-def provenance(report: Report) -> list[tuple[str, str]]:
-    """By what, when and where the results were made, and all options of each light, material and view."""
+def list_provenance(report: Report) -> list[tuple[str, str]]:
+    """Versions, time and machine of the results, and all options of each light, material and view."""
     facts = {key.replace("_", " "): value for key, value in report.provenance.items()}
-    facts |= {title: ", ".join(seen) for column, title in OF_CELLS.items() if (seen := report.seen(column))}
+    facts |= {title: ", ".join(seen) for column, title in OF_CELLS.items() if (seen := report.list_values(column))}
     if isinstance(report.study.get("reference"), Mapping):
         facts["reference"] = report.study["reference"]
     for group in report.groups:
-        stated = (f"{kind}: {listed(options) or 'no options'}" for kind, options in group.options.items())
+        stated = (f"{kind}: {format_options(options) or 'no options'}" for kind, options in group.options.items())
         facts[group.title] = "; ".join(stated)
-    return [(name, listed(value) if isinstance(value, Mapping) else str(value)) for name, value in facts.items()]
+    return [
+        (name, format_options(value) if isinstance(value, Mapping) else str(value)) for name, value in facts.items()
+    ]
 
 
-def headline(report: Report) -> list[str]:
-    """With what, when and how much, and what must be said of results that are not whole."""
+def compose_headline(report: Report) -> list[str]:
+    """Versions, time and number of cells, and remarks on incomplete results."""
     n_done = sum(row["status"] == "done" for row in report.rows)
     counts = f"{len(report.rows)} cells" + ("" if n_done == len(report.rows) else f", {n_done} of them with an image")
     version, started = report.provenance.get("glossbench"), str(report.provenance.get("started", ""))[:10]

@@ -1,4 +1,4 @@
-"""What each method with its options reached over what a study sweeps, and at what cost."""
+"""Lines of plots: error and cost of each method with its options over a sweep."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from glossbench.columns import COLUMNS
-from glossbench.findings.estimates import Estimate, estimate_of
+from glossbench.findings.estimates import Estimate, estimate_metric
 
 from .axes import Label, Place
 from .conditions import Cell, Group
@@ -22,26 +22,26 @@ COSTS = {
     "memory": COLUMNS["state_bytes"].heading,
 }
 Row = Mapping[str, Any]
-# Costs below these, in the same units, are the calls of stages that do nothing: no plot is made of them alone.
+# Lower costs, in the same units, are calls of empty stages; a plot of such costs alone is not drawn.
 NEGLIGIBLE = {cost: 1e-6 if cost == "memory" else 0.01 for cost in COSTS}
 CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Measured:
-    """One method with its options: what it reached at each value of the swept quantity, in their order.
+class MeasuredLine:
+    """One method with its options, measured at each value of the swept quantity, in increasing order.
 
     Attributes:
         label: its name and look, the same in every plot over one quantity.
         x: the values of the swept quantity.
-        costs: of each point, by the names in `COSTS`.
+        costs: the costs of each point, by the names in `COSTS`.
         errors: the size of the metric.
-        at_floor: true where the reference cannot resolve the RMS error.
-        keys: of the cells; none where a point is a mean over lights.
-        band: lower and upper end of the confidence interval, where a point is a mean over three lights or more.
-        interval: lower and upper end of the 95 % interval that the noise of the reference leaves each point; None where
-            it is not known.
-        spread: shading time [ms] of the fastest and of the slowest run of each point; None where results do not say.
+        at_floor: true if the reference cannot resolve the RMS error.
+        keys: keys of the cells; none if a point is a mean over lights.
+        band: lower and upper end of the confidence interval, if a point is a mean over three lights or more.
+        interval: lower and upper end of the 95 % interval of each point, from the noise of the reference; None if it is
+            not known.
+        spread: shading time [ms] of the fastest and of the slowest run of each point; None if the results lack it.
     """
 
     label: Label
@@ -62,7 +62,7 @@ class Measured:
     def slope(self, of: str = "") -> float | None:
         """Fitted slope of log error, or of a cost, over log x.
 
-        None below three resolved points, or where an x is not positive.
+        None with fewer than three resolved points, or if an x is not positive.
         """
         values = self.costs.get(of, self.errors)
         use = (values > 0) & np.isfinite(values) & (~self.at_floor | (of in self.costs))
@@ -72,8 +72,8 @@ class Measured:
         return float(np.sum((x - x.mean()) * (y - y.mean())) / np.sum((x - x.mean()) ** 2))
 
 
-def axis_of(place: Place, metric: str) -> Axis:
-    """How a metric is plotted: signed ones by their size."""
+def make_axis(place: Place, metric: str) -> Axis:
+    """The axis of a metric; a signed metric is plotted by its absolute value."""
     column = place.groups[0].columns[metric]
     unit = f" [{column.unit}]" if column.unit else ""
     label = f"|{column.title}|{unit}" if column.signed else f"{column.title}{unit}"
@@ -82,15 +82,17 @@ def axis_of(place: Place, metric: str) -> Axis:
     return Axis(label, metric, floor, is_log=column.lower_is_better)
 
 
-def measured_at(place: Place, metric: str, estimate: Callable[[Row, str], Estimate] = estimate_of) -> list[Measured]:
-    """The lines of a metric, in the order of the study; the first light says where they have points.
+def measure_lines(
+    place: Place, metric: str, estimate: Callable[[Row, str], Estimate] = estimate_metric
+) -> list[MeasuredLine]:
+    """The lines of a metric, in the order of the study; the cells of the first light determine their points.
 
     Args:
         estimate: a metric of a row with its uncertainty.
     """
-    is_log = axis_of(place, metric).is_log
+    is_log = make_axis(place, metric).is_log
     alike = [
-        {place.sweep.point(cell.row): cell.row for group in groups for cell in _plotted(place, group, metric)}
+        {place.sweep.point(cell.row): cell.row for group in groups for cell in _select_plotted(place, group, metric)}
         for groups in place.lights
     ]
     complete = {point: row for point, row in alike[0].items() if all(point in others for others in alike)}
@@ -100,28 +102,28 @@ def measured_at(place: Place, metric: str, estimate: Callable[[Row, str], Estima
         sorted(complete, key=lambda point: (point[0], values[point])), key=lambda point: point[0]
     ):
         points = [[rows[point] for rows in alike] for point in members]
-        errors, band = _mean([[row[metric] for row in point] for point in points], is_log)
+        errors, band = _average([[row[metric] for row in point] for point in points], is_log)
         lines.append(
-            Measured(
+            MeasuredLine(
                 place.sweep.labels[points[0][0]["key"]],
                 np.array([place.sweep.value(point[0]) for point in points], float),
                 {
-                    cost: np.array([sum(_cost(row, cost) for row in point) / len(point) for point in points])
+                    cost: np.array([sum(_read_cost(row, cost) for row in point) / len(point) for point in points])
                     for cost in COSTS
                 },
                 errors,
                 np.array([any(row["at_noise_floor"] for row in point) for point in points]),
                 [point[0]["key"] for point in points] if len(alike) == 1 else (),
                 band,
-                _interval([estimate(point[0], metric) for point in points], is_log) if len(alike) == 1 else None,
-                _spread(points),
+                _read_interval([estimate(point[0], metric) for point in points], is_log) if len(alike) == 1 else None,
+                _read_spread(points),
             )
         )
     return lines
 
 
-def named(labels: Sequence[Label]) -> tuple[str, list[str]]:
-    """A title and a name for each line; where all are of one method, the title has it, and the names of its options."""
+def name_lines(labels: Sequence[Label]) -> tuple[str, list[str]]:
+    """A title, and a name for each line. A method that all lines share is the title; the names are then the options."""
     methods = {label.method for label in labels}
     options = {tuple(label.options) for label in labels}
     if len(methods) > 1 or len(options) > 1 or () in options:
@@ -130,10 +132,10 @@ def named(labels: Sequence[Label]) -> tuple[str, list[str]]:
     return title, [", ".join(label.options.values()) for label in labels]
 
 
-def front(lines: Sequence[Measured], cost: str, axis: Axis) -> list[Mask]:
-    """For each line, its points on the Pareto front: no other has a lower cost and error, or one and the other equal.
+def find_front(lines: Sequence[MeasuredLine], cost: str, axis: Axis) -> list[Mask]:
+    """For each line, its points on the Pareto front: no other is better in cost or error and as good in the other.
 
-    Errors that the reference cannot resolve count as equal, the largest of them.
+    Errors that the reference cannot resolve count as equal to the largest of them.
     """
     shown = [axis.shows(line.errors) & np.isfinite(line.costs[cost]) for line in lines]
     worse = [
@@ -152,11 +154,11 @@ def front(lines: Sequence[Measured], cost: str, axis: Axis) -> list[Mask]:
     return masks
 
 
-def _plotted(place: Place, group: Group, metric: str) -> list[Cell]:
+def _select_plotted(place: Place, group: Group, metric: str) -> list[Cell]:
     return [cell for cell in group.done if place.sweep.value(cell.row) is not None and cell.row.get(metric) is not None]
 
 
-def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floats] | None:
+def _read_spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floats] | None:
     """Shading time [ms] of the fastest and of the slowest run, each the mean over lights."""
     ends = ("shade_seconds_low", "shade_seconds_high")
     if any(row.get(end) is None for point in points for row in point for end in ends):
@@ -165,8 +167,8 @@ def _spread(points: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[Floats, Floa
     return low, high
 
 
-def _interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] | None:
-    """The ends of each; where the axis is logarithmic, of the logarithm of its size."""
+def _read_interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] | None:
+    """The ends of each interval; on a logarithmic axis, those of the logarithm of the absolute value."""
     half = np.array([each.half_width for each in found])
     if not (np.isfinite(half) & (half > 0)).any():
         return None
@@ -175,21 +177,21 @@ def _interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Floats] 
         return value - half, value + half
     size = np.abs(value)
     ratio = np.divide(half, size, out=np.zeros_like(half), where=size > 0)
-    factor = np.exp(np.minimum(ratio, 30.0))  # which is beyond every axis
+    factor = np.exp(np.minimum(ratio, 30.0))  # beyond every axis
     return size / factor, size * factor
 
 
-def _cost(row: Mapping[str, Any], cost: str) -> float:
+def _read_cost(row: Mapping[str, Any], cost: str) -> float:
     if cost in ("shade", "memory"):
         column = COLUMNS["shade_seconds" if cost == "shade" else "state_bytes"]
         return column.scale * float(row[column.name])
     return _UPDATE.scale * float(row[_UPDATE.name].get(cost, 0))
 
 
-def _mean(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:
-    """Of each point the mean over lights and, from three lights on, its confidence interval by Student's t.
+def _average(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:
+    """The mean over lights of each point and, with at least three lights, its confidence interval by Student's t.
 
-    Errors are averaged by their logarithm, as they are plotted.
+    On a logarithmic axis the logarithms are averaged.
     """
     table = np.array(values, float)
     if is_log:

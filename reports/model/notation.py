@@ -1,4 +1,4 @@
-"""Formulas in running text: what docstrings write in plain letters, as print sets it."""
+"""Formulas in running text: the plain letters of docstrings become italics, indices and powers."""
 
 import re
 from typing import NamedTuple
@@ -28,7 +28,7 @@ SIGNS = {"->": "→", "<=": "≤", ">=": "≥", "~": "≈", "-": "−", ".": "·
 
 
 class Run(NamedTuple):
-    """A piece of a text in one style: "plain", "italic" or "code", with what stands below and above its end."""
+    """A piece of a text in one style, "plain", "italic" or "code", with its subscript and superscript."""
 
     text: str
     style: str = "plain"
@@ -36,10 +36,10 @@ class Run(NamedTuple):
     sup: str = ""
 
 
-def runs(text: str) -> list[Run]:
+def split_runs(text: str) -> list[Run]:
     """A text in pieces: single letters and Greek names as symbols, p_h with an index, x^2 with a power, `code`.
 
-    Names of more letters, as of options (mip_bias), stay as they are.
+    Longer names, such as those of options (mip_bias), stay as they are.
     """
     found: list[Run] = []
     end = 0

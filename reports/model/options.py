@@ -1,11 +1,11 @@
-"""What a figure may be asked for: on the page a choice, on the command line an option."""
+"""Options of figures: a list of choices on the page, an option on the command line."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError, suggest_nearest
 
-from .axes import Place, Sweep, named, with_costs
+from .axes import Place, Sweep, find_named, with_costs
 from .conditions import Group
 from .crops import Crop
 from .lines import COSTS
@@ -16,10 +16,10 @@ class Choice(NamedTuple):
     """One value of an option.
 
     Attributes:
-        name: by which it is asked for; "" for what has none.
-        title: for people.
-        value: what the figure is given.
-        part: of a list of choices, its heading; "" without one.
+        name: the text that selects it; "" if it has no name.
+        title: the text that is shown.
+        value: the value that the figure receives.
+        part: the heading in the list of choices; "" without one.
     """
 
     name: str
@@ -29,19 +29,19 @@ class Choice(NamedTuple):
 
 
 class Option(Protocol):
-    """One thing that a figure may be asked for; `given` are the values of the options before it."""
+    """One option of a figure; `given` are the values of the options before it."""
 
     title: str
 
     def choices(self, report: Report, given: Mapping[str, Any]) -> Sequence[Choice]:
-        """All that may be asked for; the first is what is shown unasked."""
+        """All choices; the first is the default."""
 
     def asked(self, report: Report, given: Mapping[str, Any], text: Any) -> Any:
-        """The value that a text or number names, or without one (None) the first; InputError for what is not there."""
+        """The value of the choice with this name or number, or of the first for None; InputError for an unknown one."""
 
 
 class MetricOption:
-    """A metric that the results have, or where `with_costs`, a cost in its place."""
+    """A metric of the results or, with `with_costs`, a cost."""
 
     title = "Metric or cost"
 
@@ -59,12 +59,12 @@ class MetricOption:
         if text is None:
             return report.metrics[0] if report.metrics else "rms"
         if text not in report.measured and not (self.with_costs and text in COSTS):
-            raise InputError(f"{report.results.folder} has no metric {text!r}{nearest(text, report.measured)}")
+            raise InputError(f"{report.results.folder} has no metric {text!r}{suggest_nearest(text, report.measured)}")
         return text
 
 
 class AxisOption:
-    """What the study sweeps; where `with_costs`, only that along which errors are plotted against costs."""
+    """A sweep of the study; with `with_costs`, only those along which errors are plotted against costs."""
 
     title = "Over"
 
@@ -79,23 +79,23 @@ class AxisOption:
         known: list[Sweep] = [choice.value for choice in self.choices(report, given)]
         if text is None:
             return known[0]
-        found = named(known, text)
+        found = find_named(known, text)
         if len(found) > 1:
             meant = " or ".join(axis.full_name for axis in found)
             raise InputError(f"--over {text} may mean {meant}: say which")
         if not found:
             names = ", ".join(axis.name for axis in known)
-            raise InputError(f"{report.results.folder} sweeps no {text!r}: --over must be one of {names}")
+            raise InputError(f"{report.results.folder} does not sweep {text!r}: --over must be one of {names}")
         return found[0]
 
 
 class PlaceOption:
-    """Where lines over the axis that was given are compared: a light, material and view, or a mean over lights."""
+    """Where lines over the chosen axis are compared: a light, material and view, or a mean over lights."""
 
     title = "At"
 
     def choices(self, report: Report, given: Mapping[str, Any]) -> list[Choice]:
-        return _numbered(report.places(given["over"]))
+        return _number_members(report.places(given["over"]))
 
     def asked(self, report: Report, given: Mapping[str, Any], number: int | None) -> Place:
         place: Place = _pick(report, self.choices(report, given), number)
@@ -108,7 +108,7 @@ class GroupOption:
     title = "At"
 
     def choices(self, report: Report, given: Mapping[str, Any]) -> list[Choice]:
-        return _numbered(report.done)
+        return _number_members(report.done)
 
     def asked(self, report: Report, given: Mapping[str, Any], number: int | None) -> Group:
         group: Group = _pick(report, self.choices(report, given), number)
@@ -116,7 +116,7 @@ class GroupOption:
 
 
 class ErrorOption:
-    """Of error maps: a metric that the results have, or without one the signed error."""
+    """The error that error maps show: a metric of the results; by default the signed error."""
 
     title = "Error"
 
@@ -128,7 +128,7 @@ class ErrorOption:
 
 
 class CropsOption:
-    """Windows of the image of the group that was given; none for those where methods err most."""
+    """Windows in the images of the chosen group; by default those where methods err most."""
 
     title = "Crops"
 
@@ -148,12 +148,12 @@ class CropsOption:
         return crops
 
 
-def _numbered(members: Sequence[Group | Place]) -> list[Choice]:
+def _number_members(members: Sequence[Group | Place]) -> list[Choice]:
     return [Choice(str(i), each.title, each) for i, each in enumerate(members, 1)]
 
 
 def _pick(report: Report, choices: Sequence[Choice], number: int | None) -> Any:
-    """One by its number from 1 on; without one the only one that there is."""
+    """The choice with this number, counted from 1; without a number, the only choice."""
     titles = "; ".join(f"{choice.name}: {choice.title}" for choice in choices)
     if not choices:
         raise InputError(f"{report.results.folder} has no cell with an image")

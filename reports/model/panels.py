@@ -1,4 +1,4 @@
-"""A plot as data: panels with axes and lines, which page and print paint without computing anything."""
+"""A plot as data: panels with axes and lines, which the page and print draw without any computation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ class Axis:
     """The axis of a quantity.
 
     Attributes:
-        label: with its unit.
-        name: in a sentence, such as "rms"; "" for the label.
-        floor: the largest value that the reference cannot resolve; 0 where it resolves all.
-        is_log: else it is linear.
-        has_zero: zero has a place on it; on a logarithmic one at the edge, for costs of nothing.
-        negligible: what is less counts as nothing.
-        at_values: a tick stands at each value, where there is room.
-        names: of the values 0, 1, 2, ... instead of numbers.
+        label: the label with its unit.
+        name: the name in a sentence, such as "rms"; "" for the label.
+        floor: the largest value that the reference cannot resolve; 0 if it resolves all values.
+        is_log: whether it is logarithmic; otherwise it is linear.
+        has_zero: whether zero can be shown; a logarithmic axis shows it at the edge, for costs of zero.
+        negligible: lower values count as zero.
+        at_values: whether each value has a tick, if there is room.
+        names: names of the values 0, 1, 2, ..., shown in place of numbers.
     """
 
     label: str
@@ -39,12 +39,12 @@ class Axis:
     names: Sequence[str] = ()
 
     def shows(self, values: Floats) -> Mask:
-        """Which values have a place on it."""
+        """Which values can be shown on the axis."""
         return np.isfinite(values) & ((values > 0) | (not self.is_log))
 
 
-class Beside(NamedTuple):
-    """Another number of each point of a line, which the page says where the pointer is; with its ends."""
+class SideNumber(NamedTuple):
+    """Another number of each point of a line, with its interval; the page shows it at the pointer."""
 
     title: str
     values: Floats
@@ -53,18 +53,18 @@ class Beside(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Points that belong together.
+    """The points of one line.
 
     Attributes:
-        label: name and look; a line has the same in every panel.
-        x, y: of its points, in their order.
-        keys: of the cells that a click on a point opens; none where a point is of several cells.
-        hollow: true where the reference cannot resolve the value.
+        label: name and look, the same in every panel.
+        x, y: coordinates of the points, in order.
+        keys: keys of the cells that a click on a point opens; none if a point comes from several cells.
+        hollow: true if the reference cannot resolve the value.
         band: lower and upper end of a confidence interval over conditions, drawn as an area.
-        interval: lower and upper end of the 95 % interval that the noise of the reference leaves open; a thin bar at
-            each point, along y, or along x where the y axis has names.
+        interval: lower and upper end of the 95 % interval from the noise of the reference, drawn as a thin bar at each
+            point, along y, or along x if the y axis has names.
         spread: lower and upper end of x.
-        slope: of log y over log x; None where it has no such meaning.
+        slope: slope of log y over log x; None if it has no meaning.
         beside: other numbers of each point.
     """
 
@@ -77,15 +77,15 @@ class Line:
     interval: Ends | None = None
     spread: Ends | None = None
     slope: float | None = None
-    beside: Sequence[Beside] = ()
+    beside: Sequence[SideNumber] = ()
 
     @property
     def is_hollow(self) -> Mask:
-        """Of each point, whether the reference cannot resolve it."""
+        """For each point, whether the reference cannot resolve it."""
         return np.zeros(len(self.y), bool) if self.hollow is None else self.hollow
 
     def is_seen(self, x: Axis, y: Axis) -> Mask:
-        """Of each point, whether it has a place on both axes."""
+        """For each point, whether both axes can show it."""
         return x.shows(self.x) & y.shows(self.y)
 
 
@@ -94,13 +94,13 @@ class Panel:
     """One plot.
 
     Attributes:
-        name: of the quantity across: "over" for what a study sweeps, or a cost.
-        fronts: by line the points on the Pareto front; none where it has no meaning.
-        is_main: drawn larger than others.
-        is_curve: its points are so many that they have no markers.
-        is_last_resort: drawn only where a condition has no other panel.
-        title: of a part of the lines.
-        part: the lines that are drawn of those that share the axes; None for all.
+        name: the quantity on the x axis: "over" for a sweep, or a cost.
+        fronts: for each line, its points on the Pareto front; none if a front has no meaning.
+        is_main: whether it is larger than the others.
+        is_curve: whether lines have so many points that markers are left out.
+        is_last_resort: whether it is drawn only if a condition has no other panel.
+        title: the title of a part of the lines.
+        part: indices of the lines that are drawn; None for all lines that share the axes.
     """
 
     name: str
@@ -116,27 +116,27 @@ class Panel:
 
     @property
     def drawn(self) -> list[Line]:
-        """Its lines; of a part, those of the part and those of none."""
+        """The lines that are drawn: those of the part, and those that belong to no part."""
         return [line for line in self.lines if self.part is None or line.label.facet in (None, self.part)]
 
     @property
     def has_points(self) -> bool:
-        """Whether any point has a place on both axes."""
+        """Whether both axes can show at least one point."""
         return any(bool(line.is_seen(self.x, self.y).any()) for line in self.lines)
 
     @property
     def spans(self) -> bool:
-        """Whether a line has points at more than one place across."""
+        """Whether a line has points at more than one x."""
         return any(len(set(line.x)) > 1 for line in self.lines)
 
 
 @dataclass(frozen=True, eq=False)
 class Panels:
-    """What a figure shows: panels side by side, whose lines share one key.
+    """The contents of a figure: panels side by side, whose lines share one legend.
 
     Attributes:
-        title: what is plotted, in words, for captions.
-        note: what is not plotted, and why; "" where there is nothing to say.
+        title: the contents in words, for captions.
+        note: what is not plotted, and why; "" if all is plotted.
     """
 
     panels: Sequence[Panel] = ()
@@ -144,6 +144,6 @@ class Panels:
     note: str = ""
 
 
-def shown(panels: Sequence[Panel]) -> list[Panel]:
-    """Those that are drawn: all but the last resorts; of these the first, where there is nothing else."""
+def select_shown(panels: Sequence[Panel]) -> list[Panel]:
+    """The panels that are drawn: all except last resorts; if there are no others, the first last resort."""
     return [panel for panel in panels if not panel.is_last_resort] or list(panels[:1])

@@ -1,4 +1,4 @@
-"""A table as data: heads, and rows in parts, which page and print paint."""
+"""A table as data: heads, and rows in parts, which the page and print draw."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ from .conditions import Cell
 
 
 class Entry(NamedTuple):
-    """What stands in one place of a table.
+    """One entry of a table.
 
     Attributes:
-        note: below it, smaller: between which ends it lies.
-        sort: what its row sorts by; None comes last.
-        span: how many columns it takes.
-        hint: what the page says where the pointer is.
+        note: smaller text below it: the ends of its interval.
+        sort: the value by which rows are sorted; None comes last.
+        span: number of columns that it covers.
+        hint: text that the page shows at the pointer.
     """
 
     text: str
@@ -30,9 +30,9 @@ class Head:
     """The head of a column.
 
     Attributes:
-        column: of the results, whose it is; "" for what is of no column.
-        group: what it shares with its neighbours, such as "new"; "" alone.
-        role: of the column.
+        column: the column of the results that it shows; "" if it shows none.
+        group: the title that it shares with its neighbours, such as "new"; "" if it shares none.
+        role: the role of the column.
     """
 
     title: str
@@ -47,12 +47,12 @@ class Row(NamedTuple):
     """One row.
 
     Attributes:
-        names: what it is of, one for each head of a name.
-        notes: below the first name, smaller.
-        entries: of the other columns; none where there is an outcome.
-        outcome: why it has no numbers but what was asked of it; "" where it has.
-        cell: whose row it is; None for a row of something else.
-        sort: what it sorts by, one for each column as far as it has any.
+        names: its names, one for each head of a name.
+        notes: smaller text below the first name.
+        entries: the entries of the other columns; none if there is an outcome.
+        outcome: why it has no results; "" if it has results.
+        cell: the cell that it shows; None for a row of something else.
+        sort: the values by which it is sorted, one for each column, or none.
     """
 
     names: Sequence[str]
@@ -64,7 +64,7 @@ class Row(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Rows of one light, material and view; with how many more there are than a report has room for."""
+    """Rows of one light, material and view, and the number of rows that were left out."""
 
     title: str
     rows: Sequence[Row]
@@ -86,7 +86,7 @@ class Table:
 
     @property
     def groups(self) -> list[tuple[str, list[tuple[int, Head]]]]:
-        """Neighbours that share a group, with the place of each; a head without a group is alone."""
+        """Neighbouring heads that share a group, each with its index; a head without a group is alone."""
         found: list[tuple[str, list[tuple[int, Head]]]] = []
         for place, head in enumerate(self.every):
             if head.group and found and found[-1][0] == head.group:

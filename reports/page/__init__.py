@@ -1,1 +1,1 @@
-"""The report as a page: HTML, which a browser's scripts bring to life."""
+"""The report as an HTML page with scripts for plots and images."""

@@ -1,8 +1,8 @@
 """The images of a report as data for the viewer of the page: radiance in half floats, FLIP maps and masks, deflated.
 
 An image is four planes (R, G, B, A) of half floats: radiance, and in A the FLIP map of a cell or the mask of a
-reference. `packed` says how they become bytes. Small studies keep them in the page. Others have a file an image beside
-it, which the page loads as a script when it is looked at: the only thing that a page opened from disk may load.
+reference. `pack` converts them to bytes. Small studies keep them in the page. Larger ones have one file per image
+next to the page, which loads it as a script when it is shown: a page opened from disk may load nothing else.
 """
 
 import zlib
@@ -27,12 +27,12 @@ from glossbench.run.results import Results
 from glossbench.strict_json import dumps
 
 from .. import raster, style
-from ..model.conditions import Cell, Group, methods_of
-from ..model.errors import EPSILON, ERRORS, Floats, error
+from ..model.conditions import Cell, Group, list_methods
+from ..model.errors import EPSILON, ERRORS, Floats, compute_error
 
-INLINE = 32_000_000  # bytes of half floats, before deflation, up to which the page holds its images itself
-FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # of a map's longer side, and of the maps of all cells together, at most
-RANGE_SAMPLES = 1_000_000  # pixels of a group that decide the end of the scale of an error
+INLINE = 32_000_000  # largest size of all half floats, before deflation, that is stored in the page
+FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # largest longer side of a map, and largest sum over the maps of all cells
+RANGE_SAMPLES = 1_000_000  # pixels of a group that determine the end of the error scale
 LARGEST_HALF = 65504.0
 FOLDER = "report_images"
 Planes = NDArray[np.float16]
@@ -40,12 +40,12 @@ Planes = NDArray[np.float16]
 
 @dataclass(frozen=True)
 class Payload:
-    """What the viewer reads.
+    """The data of the viewer.
 
     Attributes:
         registry: groups and their images, as JSON that is safe in a page.
-        blocks: base64 by identifier, of images that the page holds; empty where they are files beside it.
-        files: names in the folder of images beside the page.
+        blocks: base64 of the images in the page, by identifier; empty if they are files next to it.
+        files: names in the folder of images next to the page.
     """
 
     registry: Markup
@@ -53,11 +53,11 @@ class Payload:
     files: frozenset[str]
 
 
-def payload(results: Results, groups: Sequence[Group], metric: str | None = None) -> Payload:
-    """All images of these groups; writes those that are too large for the page beside it.
+def build_payload(results: Results, groups: Sequence[Group], metric: str | None = None) -> Payload:
+    """All images of these groups; those that are too large for the page are written to files next to it.
 
     Args:
-        metric: the one whose number stands with each image.
+        metric: the metric whose value is shown with each image.
     """
     shown = [group for group in groups if group.done]
     shapes = [results.mask(group.reference["reference_key"]).shape for group in shown]
@@ -69,24 +69,24 @@ def payload(results: Results, groups: Sequence[Group], metric: str | None = None
     blocks: dict[str, str] = {}
     files: set[str] = set()
     described = []
-    hues = methods_of(shown)
+    hues = list_methods(shown)
     for group in shown:
         ranges: dict[str, list[Floats]] = {mode: [] for mode in ERRORS}
         entries = []
-        for entry, planes in _images(results, group, metric, reduction, ranges, hues):
-            data = packed(planes)
+        for entry, planes in _list_images(results, group, metric, reduction, ranges, hues):
+            data = pack(planes)
             name = sha256(data).hexdigest()[:20]
             if inline:
                 blocks[name] = b64encode(data).decode()
             else:
                 files.add(_write_beside(results, name, data))
             entries.append(entry | {"data": name})
-        described.append(_described(results, group, entries, ranges))
+        described.append(_describe_group(results, group, entries, ranges))
     registry = {
         "groups": described,
         "folder": None if inline else FOLDER,
-        "signed": _colours(raster.SIGNED),
-        "unsigned": _colours(raster.UNSIGNED),
+        "signed": _encode_colours(raster.SIGNED),
+        "unsigned": _encode_colours(raster.UNSIGNED),
         "epsilon": EPSILON,
         "flipReduction": reduction,
         "errors": [{"mode": mode, "name": name, "formula": formula} for mode, (name, formula) in ERRORS.items()],
@@ -95,15 +95,15 @@ def payload(results: Results, groups: Sequence[Group], metric: str | None = None
 
 
 def remove_others(results: Results, payload: Payload) -> None:
-    """Remove image files of an older page that this program wrote; to be called when the new page is there."""
+    """Remove image files of an older page that this program wrote; to be called after the new page is written."""
     results.disk.keep_only(".js", FOLDER, payload.files)
 
 
-def packed(planes: Planes) -> bytes:
-    """Half floats (4, H, W) as bytes that deflate well, deflated.
+def pack(planes: Planes) -> bytes:
+    """Half floats (4, H, W) as deflated bytes, reordered so that they deflate well.
 
-    Their bits as integers, modulo 2^16: green is taken from red and blue, each is replaced by its difference to the
-    left, then to above, the sign goes to the lowest bit, and all high bytes come before all low ones.
+    Their bits as integers, modulo 2^16: green is subtracted from red and blue, each value is replaced by its difference
+    from the left one, then from the one above, the sign moves to the lowest bit, and high bytes precede low ones.
     """
     bits = planes.view(np.int16).copy()
     bits[[0, 2]] -= bits[1]
@@ -113,7 +113,7 @@ def packed(planes: Planes) -> bytes:
     return zlib.compress(np.concatenate([folded >> 8, folded & 255]).astype(np.uint8).tobytes(), 6)
 
 
-def _images(
+def _list_images(
     results: Results,
     group: Group,
     metric: str | None,
@@ -121,29 +121,32 @@ def _images(
     ranges: Mapping[str, list[Floats]],
     hues: Mapping[str, int],
 ) -> Iterator[tuple[dict[str, Any], Planes]]:
-    """Reference and cells of a group, one after the other; the errors met on the way are added to `ranges`."""
+    """The reference and then the cells of a group; their errors are added to `ranges`."""
     key = group.reference["reference_key"]
     reference, mask = results.reference(key).astype(np.float64), results.mask(key)
-    stated = {"samples": group.reference["reference_samples"], "note": _noise(group)}
+    stated = {"samples": group.reference["reference_samples"], "note": _describe_noise(group)}
     yield (
         {"key": key, "kind": "reference", "name": "reference", "options": ""} | stated,
-        _halves(reference, mask.astype(float)),
+        _to_halves(reference, mask.astype(float)),
     )
     step = max(1, len(group.done) * int(mask.sum()) // RANGE_SAMPLES)
     for cell in group.done:
         image = results.image(cell.row["key"]).astype(np.float64)
         name = f"images/{cell.row['key']}_flip_{reduction}.npz"
-        flip = _kept(results, name, mask.shape, partial(_flip, image, reference, mask, reduction))
+        flip = _keep_map(results, name, mask.shape, partial(_compute_flip, image, reference, mask, reduction))
         for mode, seen in ranges.items():
-            values = flip[mask] if mode == "flip" else error(mode, image[mask], reference[mask])
+            values = flip[mask] if mode == "flip" else compute_error(mode, image[mask], reference[mask])
             seen.append(values[::step].astype(np.float64))
-        yield _entry(cell, metric) | {"colour": style.shade(hues[str(cell.row["method"])])}, _halves(image, flip)
+        yield (
+            _make_entry(cell, metric) | {"colour": style.shade(hues[str(cell.row["method"])])},
+            _to_halves(image, flip),
+        )
 
 
-def _entry(cell: Cell, metric: str | None) -> dict[str, Any]:
+def _make_entry(cell: Cell, metric: str | None) -> dict[str, Any]:
     row = cell.row
     value = row.get(metric) if metric else None
-    note = "at the noise floor" if row["at_noise_floor"] else f"{metric} {style.number(value)}" if metric else ""
+    note = "at the noise floor" if row["at_noise_floor"] else f"{metric} {style.format_number(value)}" if metric else ""
     return {
         "key": row["key"],
         "kind": "cell",
@@ -154,7 +157,7 @@ def _entry(cell: Cell, metric: str | None) -> dict[str, Any]:
     }
 
 
-def _described(
+def _describe_group(
     results: Results,
     group: Group,
     entries: Sequence[Mapping[str, Any]],
@@ -162,31 +165,31 @@ def _described(
 ) -> dict[str, Any]:
     key = group.reference["reference_key"]
     mask = results.mask(key)
-    exposure = raster.exposure_of(results.reference(key).astype(np.float64), mask)
+    exposure = raster.choose_exposure(results.reference(key).astype(np.float64), mask)
     return {
         "title": group.title,
         "width": mask.shape[1],
         "height": mask.shape[0],
         "stops": log2(exposure),
-        "ranges": {mode: raster.error_limit(errors) for mode, errors in ranges.items()},
+        "ranges": {mode: raster.find_error_limit(errors) for mode, errors in ranges.items()},
         "images": [dict(entry) for entry in entries],
     }
 
 
-def _noise(group: Group) -> str:
-    return f"noise {style.number(group.reference['reference_noise'], 2)}"
+def _describe_noise(group: Group) -> str:
+    return f"noise {style.format_number(group.reference['reference_noise'], 2)}"
 
 
-def _halves(radiance: Floats, fourth: Floats) -> Planes:
-    """Planes (4, H, W); what a half float cannot hold becomes its largest value, what is no number becomes 0."""
+def _to_halves(radiance: Floats, fourth: Floats) -> Planes:
+    """Planes (4, H, W); values above the range of a half float become its largest value, and NaN becomes 0."""
     four = np.concatenate([radiance, fourth[..., None]], axis=2).transpose(2, 0, 1)
     return np.clip(np.nan_to_num(four, nan=0.0), -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
 
 
-def _kept(results: Results, name: str, shape: tuple[int, ...], make: Callable[[], Floats]) -> Floats:
-    """A map in steps of 1/256, made by the first page of these results, or again where the file is damaged."""
+def _keep_map(results: Results, name: str, shape: tuple[int, ...], make: Callable[[], Floats]) -> Floats:
+    """A map in steps of 1/256, computed for the first page of these results, or again if its file is damaged."""
     path = results.disk.path(name)
-    steps = _stored(path, shape)
+    steps = _read_stored(path, shape)
     if steps is None:
         steps = (256 * make()).astype(np.uint16)
         with replacing(path) as part, part.open("wb") as file:
@@ -194,10 +197,10 @@ def _kept(results: Results, name: str, shape: tuple[int, ...], make: Callable[[]
     return steps / 256
 
 
-def _stored(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
-    """The steps in a file of a map; None where there is none, or not the whole of one of this shape."""
+def _read_stored(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
+    """The steps in a file of a map; None if there is no complete file of this shape."""
     try:
-        with ZipFile(path) as file:  # which has checksums
+        with ZipFile(path) as file:  # a ZIP file has checksums
             if sum(member.file_size for member in file.infolist()) > 2 * prod(shape) + 1000 or file.testzip():
                 return None
         with np.load(path, allow_pickle=False) as kept:
@@ -207,25 +210,25 @@ def _stored(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
     return steps if steps.dtype == np.uint16 and steps.shape == shape else None
 
 
-def _flip(image: Floats, reference: Floats, mask: raster.Mask, n: int) -> Floats:
-    """The FLIP map in steps of 1/256; of n x n pixels averaged, seen under the same visual angle, where n > 1."""
+def _compute_flip(image: Floats, reference: Floats, mask: raster.Mask, n: int) -> Floats:
+    """The FLIP map in steps of 1/256; for n > 1 of the means of n x n pixels, seen under the same visual angle."""
     if n == 1:
         return np.round(256 * FLIP().errors(image, reference, mask)) / 256
     size = max(mask.shape) // n
-    x, y = (raster.downscaled(each, mask, size)[0].astype(np.float64) for each in (image, reference))
-    small = raster.downscaled(np.ones((*mask.shape, 1)), mask, size)[1] >= 0.5
+    x, y = (raster.downscale(each, mask, size)[0].astype(np.float64) for each in (image, reference))
+    small = raster.downscale(np.ones((*mask.shape, 1)), mask, size)[1] >= 0.5
     errors = FLIP(pixels_per_degree=max(1.0, FLIP().pixels_per_degree * size / max(mask.shape))).errors(x, y, small)
     rows, columns = ((np.arange(n) * m) // n for n, m in zip(mask.shape, small.shape, strict=True))
     return np.round(256 * errors)[np.ix_(rows, columns)] / 256
 
 
-def _colours(colours: Any) -> str:
-    """255 colours of a map, as base64 of RGB bytes."""
+def _encode_colours(colours: Any) -> str:
+    """The 255 colours of a colour map, as base64 of RGB bytes."""
     return b64encode(np.round(255 * colours(range(255))[:, :3]).astype(np.uint8).tobytes()).decode()
 
 
 def _write_beside(results: Results, name: str, data: bytes) -> str:
-    """An image as a script that hands it to the page; whatever had its name, for a script of a stranger would run."""
+    """Write an image as a script for the page. A file of this name is replaced: an unknown script would run."""
     path = results.disk.path(f"{FOLDER}/{name}.js")
     text = f'glossbenchImage("{name}","{b64encode(data).decode()}")\n'
     if not path.is_file() or path.stat().st_size != len(text) or path.read_text("latin-1") != text:

@@ -1,4 +1,4 @@
-"""Small pictures of the page beside images: sample patterns, and what methods keep."""
+"""Small pictures of the page: sample patterns, and the precomputed state of methods."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,15 +8,15 @@ import numpy as np
 from glossbench.run.results import Results
 
 from .. import raster, style
-from ..model.conditions import Cell, Group, methods_of
+from ..model.conditions import Cell, Group, list_methods
 from ..model.panels import Floats
 
 MANY_PATTERNS = 12
 MANY_STATES = 24
 
 
-def pattern_tiles(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
-    """Half vectors that the pixels share, equal ones once; only their number where there are too many."""
+def make_pattern_tiles(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
+    """The different patterns of half vectors that pixels share; of too many only their number."""
     found: dict[Any, tuple[Group, Cell, Floats]] = {}
     for group in groups:
         for cell in group.done:
@@ -25,7 +25,7 @@ def pattern_tiles(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
                 found.setdefault((cell.index, half_vectors.tobytes()), (group, cell, half_vectors))
     if not found or len(found) > MANY_PATTERNS:
         return {"count": len(found), "tiles": []}
-    hues = methods_of([group for group in groups if group.done])
+    hues = list_methods([group for group in groups if group.done])
     widest = max(float(np.degrees(h[:, 0].max())) for _, _, h in found.values() if len(h))
     largest = max(5.0, np.ceil(widest / 5) * 5)
     tiles = [
@@ -41,10 +41,10 @@ def pattern_tiles(results: Results, groups: Sequence[Group]) -> dict[str, Any]:
     return {"count": len(found), "tiles": tiles, "largest": largest}
 
 
-def state_tiles(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
-    """Pictures of what methods keep, each at an exposure of its own; of the first cells where there are many."""
+def make_state_tiles(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
+    """Pictures of the precomputed state of methods, each at its own exposure; of many cells, the first ones."""
     tiles: list[dict[str, Any]] = []
-    # One listing of a folder that may hold many thousand files, not one a cell.
+    # The folder may have many thousand files: it is listed once, not once per cell.
     have = {path.name.partition("_state_")[0] for path in (results.folder / "images").glob("*_state_*.exr")}
     for group in groups:
         for cell in group.done:
@@ -52,9 +52,9 @@ def state_tiles(results: Results, groups: Sequence[Group]) -> list[dict[str, Any
             found = results.pictures(key) if key in have and len(tiles) < MANY_STATES else {}
             for name, image in found.items():
                 shown = np.ones(image.shape[:2], bool)
-                lit = image.max(axis=2) > 0  # an unfolded cube has empty places
-                exposure = raster.exposure_of(image, lit) if lit.any() else 1.0
-                png = raster.picture(image, shown, exposure)
+                lit = image.max(axis=2) > 0  # an unfolded cube has empty corners
+                exposure = raster.choose_exposure(image, lit) if lit.any() else 1.0
+                png = raster.draw_picture(image, shown, exposure)
                 tile = {"name": name, "title": group.title, "cell": cell, "shape": image.shape, "exposure": exposure}
-                tiles.append({**tile, "picture": raster.uri(png)})
+                tiles.append({**tile, "picture": raster.to_uri(png)})
     return tiles

@@ -1,4 +1,4 @@
-"""Plots for print: panels side by side with one key, by matplotlib."""
+"""Plots for print: panels side by side with one legend, by matplotlib."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -13,32 +13,32 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from ..model.lines import CONFIDENCE, named
+from ..model.lines import CONFIDENCE, name_lines
 from ..model.panels import Axis, Line, Panel
-from ..model.selection import evenly
-from ..style import COLOURS, DASHES, INK, MARKERS, PAPER, RC, number, style, tick
+from ..model.selection import pick_evenly
+from ..style import COLOURS, DASHES, INK, MARKERS, PAPER, RC, format_number, format_tick, style
 
 MOST_FACETS = 4
-MOST_LINES = 40  # of a plot: more, and the key takes the page
-WIDTH = 6.53  # inches of text across a page
+MOST_LINES = 40  # of a plot; the legend of more lines would fill the page
+WIDTH = 6.53  # width of the text on a page [inches]
 SMALL = {**RC, "font.size": 7.5, "lines.linewidth": 1.1, "lines.markersize": 4}
 FRONT: dict[str, Any] = {"color": INK, "lw": 0.8, "ls": (0, (3, 2))}
 
 
-def facets(panels: Sequence[Panel]) -> list[Panel]:
-    """A panel for each part of the lines, where there are so many lines that there is more than one part."""
+def split_facets(panels: Sequence[Panel]) -> list[Panel]:
+    """A panel for each part of the lines, if there are so many lines that they are divided."""
     found = []
     for panel in panels:
         parts = sorted({line.label.facet for line in panel.lines if line.label.facet is not None})
         if 1 < len(parts) <= MOST_FACETS:
-            found += [replace(panel, part=part, title=_shared(replace(panel, part=part))) for part in parts]
+            found += [replace(panel, part=part, title=_join_shared(replace(panel, part=part))) for part in parts]
         else:
             found.append(panel)
     return found
 
 
-def comparable(panels: Sequence[Panel]) -> list[Panel]:
-    """Those that compare two lines, or show the only one: on paper a cost of nothing has no place."""
+def select_comparable(panels: Sequence[Panel]) -> list[Panel]:
+    """The panels that compare two lines, or show the only line. Print does not show costs of zero."""
 
     def n_costing(panel: Panel) -> int:
         costing = (line.is_seen(panel.x, panel.y) & (line.x >= panel.x.negligible) for line in panel.lines)
@@ -49,20 +49,22 @@ def comparable(panels: Sequence[Panel]) -> list[Panel]:
 
 @style(SMALL)
 def draw(panels: Sequence[Panel]) -> Figure:
-    """Panels side by side: shaded what the reference cannot resolve, dashed the Pareto front, a band of confidence
-    where points are means over lights, a thin bar what its noise leaves open. The key has all lines, with their
-    slopes; of very many lines some, evenly.
+    """Panels side by side.
+
+    Shaded: errors that the reference cannot resolve. Dashed: the Pareto front. Band: confidence interval of means over
+    lights. Thin bar: 95 % interval from the noise of the reference. The legend has all lines with their slopes; of very
+    many lines, some at even distances.
     """
     every = {line.label.index: line for panel in reversed(panels) for line in reversed(panel.lines)}
-    kept = {line.label.index for line in evenly([every[index] for index in sorted(every)], MOST_LINES)}
-    panels = [_thinned(panel, kept) for panel in panels]
+    kept = {line.label.index for line in pick_evenly([every[index] for index in sorted(every)], MOST_LINES)}
+    panels = [_thin(panel, kept) for panel in panels]
     if panels[0].y.names:
         return _draw_rows(panels[0], len(every) - len(kept))
     lines = [every[index] for index in sorted(kept)]
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
     rows = ceil(len(panels) / columns)
-    title, names = named([line.label for line in lines])
-    names = [name + _slope(line) for name, line in zip(names, lines, strict=True)]
+    title, names = name_lines([line.label for line in lines])
+    names = [name + _format_slope(line) for name, line in zip(names, lines, strict=True)]
     longest = max(map(len, names))
     in_key = 1 if len(panels) == 1 or longest > 58 else 2 if longest > 32 else 3
     height = (
@@ -79,9 +81,9 @@ def draw(panels: Sequence[Panel]) -> Figure:
         ax.set_title(panel.y.label if is_mixed else panel.title, loc="left", size="medium")
         if i % columns == 0 and not is_mixed:
             ax.set_ylabel(panel.y.label)
-    looks = [_look(line, is_curve) for line in lines]
+    looks = [_choose_look(line, is_curve) for line in lines]
     handles: list[Artist] = [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)]
-    handles += _explained(panels, len(every) - len(kept))
+    handles += _explain(panels, len(every) - len(kept))
     figure.legend(
         handles=handles, title=title, alignment="left", ncols=in_key, loc="outside lower left", frameon=False,
         borderaxespad=0.1, handlelength=3.2, columnspacing=1.4, labelspacing=0.3,
@@ -97,12 +99,12 @@ def _draw_rows(panel: Panel, left_out: int) -> Figure:
     for row, line in enumerate(lines):
         for seen, face in ((~line.is_hollow, None), (line.is_hollow, PAPER)):
             values = line.x[x.shows(line.x) & seen]
-            look = _look(line) | {"ls": "", "mfc": face or line.label.colour}
+            look = _choose_look(line) | {"ls": "", "mfc": face or line.label.colour}
             ax.plot(values, np.full(len(values), row), **look)
         if line.interval is not None:
             ax.hlines(np.full(len(line.x), row), *line.interval, colors=line.label.colour, lw=0.8)
     ax.set_ylim(len(lines) - 0.4, -0.6)
-    title, names = named([line.label for line in lines])
+    title, names = name_lines([line.label for line in lines])
     more = f"{left_out} more lines are not drawn here" if left_out else ""
     ax.set_title("; ".join(text for text in (title, more) if text), loc="left", size="medium")
     ax.set_yticks(range(len(lines)), names)
@@ -117,7 +119,7 @@ def _draw(ax: Axes, panel: Panel) -> None:
     ax.set_xscale("log" if panel.x.is_log else "linear")
     for line in panel.drawn:
         x, y, seen = line.x, line.y, line.is_seen(panel.x, panel.y)
-        look = _look(line, panel.is_curve)
+        look = _choose_look(line, panel.is_curve)
         if line.band is not None:
             low, high = line.band
             ax.fill_between(x[seen], low[seen], high[seen], color=look["color"], alpha=0.15, lw=0)
@@ -134,16 +136,16 @@ def _draw(ax: Axes, panel: Panel) -> None:
     _scale(ax, "y", panel.y, [line.y for line in panel.lines])
     ax.set_xlabel(panel.x.label)
     values = sorted({float(x) for line in panel.lines for x in line.x[panel.x.shows(line.x)]})
-    ax.xaxis.set_major_formatter(FuncFormatter(_tick))
+    ax.xaxis.set_major_formatter(FuncFormatter(_format_tick))
     if panel.x.is_log:
-        ax.xaxis.set_major_locator(FixedLocator(_apart(values) if panel.x.at_values else _ticks(values)))
+        ax.xaxis.set_major_locator(FixedLocator(_keep_apart(values) if panel.x.at_values else _choose_ticks(values)))
         ax.xaxis.set_minor_locator(NullLocator())
-        if values and values[-1] < 1.05 * values[0]:  # one cost for all
+        if values and values[-1] < 1.05 * values[0]:  # all have the same cost
             ax.set_xlim(values[0] / 2, values[-1] * 2)
 
 
 def _draw_front(ax: Axes, panel: Panel) -> None:
-    """Stairs through the points that no other beats in both cost and error."""
+    """Stairs through the points of the Pareto front."""
     points = sorted(
         (x, y)
         for line, mask in zip(panel.lines, panel.fronts, strict=bool(panel.fronts))
@@ -155,12 +157,12 @@ def _draw_front(ax: Axes, panel: Panel) -> None:
         ax.step(x, y, where="post", **FRONT, alpha=0.7, zorder=1.5)
 
 
-def _explained(panels: Sequence[Panel], left_out: int) -> list[Artist]:
-    """What the key says beside the lines."""
+def _explain(panels: Sequence[Panel], left_out: int) -> list[Artist]:
+    """The entries of the legend besides the lines."""
     found: list[Artist] = []
     first = panels[0]
     if first.y.is_log and first.y.floor > 0:
-        found.append(Patch(color=INK, alpha=0.1, lw=0, label=f"noise floor, up to {number(first.y.floor, 2)}"))
+        found.append(Patch(color=INK, alpha=0.1, lw=0, label=f"noise floor, up to {format_number(first.y.floor, 2)}"))
     if any(line.interval is not None for line in first.lines):
         bar: dict[str, Any] = {"ls": "", "marker": "|", "color": INK, "mew": 0.8, "ms": 8}
         found.append(Line2D([], [], **bar, label=f"{100 * CONFIDENCE:.0f} % by noise"))
@@ -173,8 +175,8 @@ def _explained(panels: Sequence[Panel], left_out: int) -> list[Artist]:
     return found
 
 
-def _thinned(panel: Panel, kept: Iterable[int]) -> Panel:
-    """With these lines alone; the front stays that of all."""
+def _thin(panel: Panel, kept: Iterable[int]) -> Panel:
+    """The panel with only these lines; the Pareto front stays that of all lines."""
     here = [i for i, line in enumerate(panel.lines) if line.label.index in kept]
     if len(here) == len(panel.lines):
         return panel
@@ -182,17 +184,17 @@ def _thinned(panel: Panel, kept: Iterable[int]) -> Panel:
     return replace(panel, lines=[panel.lines[i] for i in here], fronts=fronts)
 
 
-def _shared(panel: Panel) -> str:
+def _join_shared(panel: Panel) -> str:
     """The options that the lines of a part share."""
     first, *others = (line.label.options for line in panel.drawn if line.label.facet is not None)
     return ", ".join(f"{key} {v}" for key, v in first.items() if all(other.get(key) == v for other in others))
 
 
-def _slope(line: Line) -> str:
-    return "" if line.slope is None else f", slope {number(line.slope, 2)}"
+def _format_slope(line: Line) -> str:
+    return "" if line.slope is None else f", slope {format_number(line.slope, 2)}"
 
 
-def _look(line: Line, is_curve: bool = False) -> dict[str, Any]:
+def _choose_look(line: Line, is_curve: bool = False) -> dict[str, Any]:
     label = line.label
     if is_curve:
         is_reference = label.colour == INK
@@ -208,31 +210,31 @@ def _scale(ax: Axes, side: str, axis: Axis, values: Sequence[np.ndarray]) -> Non
     """Limits and ticks of an axis, and the band that the reference cannot resolve."""
     span, limits, scale = (ax.axhspan, ax.set_ylim, ax.yaxis) if side == "y" else (ax.axvspan, ax.set_xlim, ax.xaxis)
     if not axis.is_log:
-        scale.set_major_formatter(FuncFormatter(_tick))
+        scale.set_major_formatter(FuncFormatter(_format_tick))
         if axis.has_zero:
             limits(0)
         return
     (ax.set_yscale if side == "y" else ax.set_xscale)("log")
     seen = [float(v) for each in values for v in each[axis.shows(each)]] or [1.0]
     floor = axis.floor
-    # A floor far below every dot would squeeze the dots: then the key alone tells where it is.
+    # A floor far below every dot would squeeze the dots; then only the legend states it.
     shown = floor > min(seen) / 30
     low, high = min([*seen, floor] if shown else seen) / 1.6, max([*seen, floor] if shown else seen) * 1.6
     if shown:
         span(low, floor, color=INK, alpha=0.1, linewidth=0)
     limits(low, high)
-    scale.set_major_locator(_locator([low, high]))
+    scale.set_major_locator(_make_locator([low, high]))
     scale.set_minor_locator(LogLocator(subs=range(2, 10), numticks=99))
     scale.set_minor_formatter(NullFormatter())
-    scale.set_major_formatter(FuncFormatter(_tick))
+    scale.set_major_formatter(FuncFormatter(_format_tick))
 
 
-def _tick(value: float, _: int | None = None) -> str:
-    return tick(value)
+def _format_tick(value: float, _: int | None = None) -> str:
+    return format_tick(value)
 
 
-def _ticks(values: Sequence[float]) -> list[float]:
-    """Round numbers between the ends of values, at least three of them; else the ends."""
+def _choose_ticks(values: Sequence[float]) -> list[float]:
+    """Round numbers between the lowest and highest value, if there are at least three; otherwise these two values."""
     if not values:
         return []
     low, high = values[0], values[-1]
@@ -240,17 +242,17 @@ def _ticks(values: Sequence[float]) -> list[float]:
     for digits in ((1,), (1, 2, 5), range(1, 10)):
         ticks = [value for p in powers for d in digits if low <= (value := float(f"{d}e{p}")) <= high]
         if len(ticks) > 2:
-            return _apart(ticks, 0.22)
-    return _apart([low, high], 0.22)
+            return _keep_apart(ticks, 0.22)
+    return _keep_apart([low, high], 0.22)
 
 
-def _locator(values: Sequence[float]) -> LogLocator:
+def _make_locator(values: Sequence[float]) -> LogLocator:
     wide = bool(values) and values[-1] > 80 * values[0]
     return LogLocator(subs=(1,) if wide else (1, 2, 5), numticks=6)
 
 
-def _apart(values: Sequence[float], share: float = 0.12) -> list[float]:
-    """Values, but none nearer to the one before it than a share of the log axis, as their labels would touch."""
+def _keep_apart(values: Sequence[float], share: float = 0.12) -> list[float]:
+    """The values without those so near to the one before, by a share of the log axis, that labels would touch."""
     gap = (values[-1] / values[0]) ** share if values else 1.0
     kept = list(values[:1])
     for value in values[1:]:

@@ -314,7 +314,7 @@ def test_ggx_returns_no_more_light_than_it_receives(widths):
 
     albedo = GGX(alpha=widths).albedo(wo)
 
-    # Every weight is G2 / G1(wo) <= 1: exact but for float32.
+    # Every weight is G2 / G1(wo) <= 1: exact except for float32.
     assert albedo.max() <= 1 + 1e-6
 
 

@@ -107,7 +107,7 @@ def test_value_along_the_normal_is_the_peak_of_the_lump_over_four():
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_visible_half_vectors_fill_the_unit_disk_about_the_viewer(view):
-    """Inside the disk light comes from above, outside from below: the geometry that the model stands on."""
+    """Inside the disk light comes from above, outside from below: the geometry of the model."""
     wo = direction(*view)
     rng = np.random.default_rng(3)
     offset = rng.uniform(-1.5, 1.5, (4000, 2))

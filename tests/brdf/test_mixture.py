@@ -12,7 +12,7 @@ from glossbench.brdf.lafortune import Lafortune
 from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.mixture import Sum
 from glossbench.brdf.phong import Phong
-from glossbench.catalog.entries import entries
+from glossbench.catalog.entries import list_entries
 from glossbench.directions import Vec3, points_2d
 from glossbench.envmap.lights.synthetic import Gradient
 from glossbench.errors import InputError
@@ -42,7 +42,7 @@ WEIGHTS = (0.7, 0.3, 0.2, 1.5)
 def built_in():
     """Every material whose options have defaults and that needs no file."""
     made = []
-    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in entries("brdf")}):
+    for name in sorted(set(MATERIALS.names()) - {entry.name for entry in list_entries("brdf")}):
         try:
             made.append(MATERIALS.create(name, {}))
         except InputError:
@@ -196,8 +196,8 @@ REFUSED = [
     ({"of": ["ggx", "kurrt"]}, "sum.of[1]: unknown material 'kurrt'; did you mean 'kurt'?"),
     ({"of": [{"kurt": {"n": 1}}]}, "sum.of[0]: kurt: unknown option 'n'; "),
     ({"of": ["ggx", {"kurt": {"m": 1.4}}]}, "sum.of[1]: kurt.m[0] must be less than or equal to 1, got 1.4"),
-    ({"of": ["kurt"] * 17}, "sum.of must have at most 16 lobes together, got 17"),
-    ({"of": ["kurt"], "weights": [1, 2]}, "sum.weights must be one a material, 1, got 2"),
+    ({"of": ["kurt"] * 17}, "sum.of must have at most 16 lobes in total, got 17"),
+    ({"of": ["kurt"], "weights": [1, 2]}, "sum.weights must have one weight per material, 1, got 2"),
     ({"of": ["kurt"], "weights": [-1]}, "sum.weights[0] must be greater than or equal to 0, got -1"),
     ({"of": ["kurt"], "wieghts": [1]}, "sum: unknown option 'wieghts'; did you mean 'weights'?"),
 ]
@@ -281,7 +281,7 @@ def test_a_resolved_study_spells_every_inner_option_out_and_loads_again(study_of
         ("{lafortune: {lobes: [{s: 1}, {s: -1}]}}", "material.lafortune.lobes[1]: lobe.s must be greater than or"),
     ],
 )  # fmt: skip
-def test_an_inner_fault_of_a_study_is_told_with_its_place(study_of, material, message):
+def test_an_inner_fault_of_a_study_is_reported_with_its_place(study_of, material, message):
     with pytest.raises(InputError) as raised:
         study_of(material)
 

@@ -9,7 +9,7 @@ import torch
 
 from glossbench.brdf.cook_torrance import CookTorrance
 from glossbench.brdf.material import MATERIALS
-from glossbench.brdf.ngan import fits
+from glossbench.brdf.ngan import read_fits
 from glossbench.errors import InputError
 from oracles.hemisphere import direction, vectors
 
@@ -19,7 +19,7 @@ MODELS = ("cook_torrance", "ward", "lafortune")
 @pytest.fixture(scope="module")
 def tables(shared_data):
     files = {model: shared_data / "brdfs" / f"ngan_{model.replace('_', '')}.fit" for model in MODELS}
-    return {model: fits(file, model) for model, file in files.items()}
+    return {model: read_fits(file, model) for model, file in files.items()}
 
 
 def test_all_three_tables_have_the_same_86_materials(tables):
@@ -107,7 +107,7 @@ def test_a_material_is_made_by_name_and_its_nearest_name_is_offered(shared_data,
 
     chrome = MATERIALS.create("ngan", {"material": "chrome", "model": "ward"})
 
-    assert chrome.fitted().m == (0.0101, 0.0101)
+    assert chrome.build_fit().m == (0.0101, 0.0101)
     assert chrome.key() != MATERIALS.create("ngan", {"material": "brass", "model": "ward"}).key()
     with pytest.raises(InputError, match=r"the tables have no 'chrom'; did you mean 'chrome'\?"):
         MATERIALS.create("ngan", {"material": "chrom"})
@@ -119,32 +119,32 @@ def test_a_material_is_made_by_name_and_its_nearest_name_is_offered(shared_data,
 
 LINE = "chrome = Aggregate(Lambertian(albedo = [0.1, 0.1, 0.1]), NganWard(albedo = [0.1, 0.1, 0.1], roughness = 0.1))\n"
 WRONG = {
-    "nothing": ("", "no table of fits: it is empty"),
-    "comments alone": ("# fits\n", "no table of fits: it is empty"),
-    "a line cut off": (LINE + LINE[:70], "x.fit:2: no ward fit: 'chrome = Aggregate"),
-    "code": ("chrome = __import__('os')\n", "x.fit:1: no ward fit"),
-    "another model": (LINE.replace("NganWard", "NganPhong"), "x.fit:1: no ward fit"),
+    "nothing": ("", "not a table of fits: it is empty"),
+    "comments alone": ("# fits\n", "not a table of fits: it is empty"),
+    "a line cut off": (LINE + LINE[:70], "x.fit:2: not a fit of ward: 'chrome = Aggregate"),
+    "code": ("chrome = __import__('os')\n", "x.fit:1: not a fit of ward"),
+    "another model": (LINE.replace("NganWard", "NganPhong"), "x.fit:1: not a fit of ward"),
     "a width above 1": (LINE.replace("roughness = 0.1", "roughness = 1.5"), "ward.m"),
-    "NaN": (LINE.replace("roughness = 0.1", "roughness = nan"), "no ward fit"),
+    "NaN": (LINE.replace("roughness = 0.1", "roughness = nan"), "not a fit of ward"),
 }
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_files_that_are_none_are_refused(tmp_path, name):
+def test_invalid_files_are_refused(tmp_path, name):
     content, message = WRONG[name]
     path = tmp_path / "x.fit"
     path.write_text(content)
 
     with pytest.raises(InputError, match=message):
-        fits(path, "ward")
+        read_fits(path, "ward")
 
 
 def test_bytes_are_refused(tmp_path):
     path = tmp_path / "x.fit"
     path.write_bytes(bytes(range(256)))
 
-    with pytest.raises(InputError, match="no table of fits: holds more than plain text"):
-        fits(path, "ward")
+    with pytest.raises(InputError, match="not a table of fits: it holds more than plain text"):
+        read_fits(path, "ward")
 
 
 # Files of one's own.
@@ -170,7 +170,7 @@ def test_a_table_of_ward_duer_has_its_normalisation(own):
     fit = MATERIALS.create("ngan", {"file": str(own), "material": "brass"})
     wo, wi = vectors([direction(pi / 3, 0.0)]), vectors([direction(pi / 3, pi)])
 
-    assert fit.fitted().normalisation == "duer"
+    assert fit.build_fit().normalisation == "duer"
     assert float(fit.f(wo, wi)[0]) == pytest.approx(0.05 / pi + 0.07 / (4 * pi * 0.25**2 * 0.25), rel=1e-5)
 
 
@@ -190,19 +190,19 @@ def test_a_line_is_taken_as_its_writer_spaces_it(tmp_path, old, new):
     line = LINE.replace("chrome", "brass").replace("roughness = 0.1", "roughness = 0.25")
     (tmp_path / "x.fit").write_text(line.replace(old, new), encoding="utf-8")
 
-    assert fits(tmp_path / "x.fit")["brass"].m == (0.25, 0.25)
+    assert read_fits(tmp_path / "x.fit")["brass"].m == (0.25, 0.25)
 
 
 def test_a_table_may_hold_several_models_with_numbers_in_any_order(own):
-    tin = MATERIALS.create("ngan", {"file": str(own), "material": "tin"}).fitted()
+    tin = MATERIALS.create("ngan", {"file": str(own), "material": "tin"}).build_fit()
 
     assert isinstance(tin, CookTorrance)
     assert (tin.m, tin.f0, tin.kd) == ((0.3, 0.3), (0.5,) * 3, (0.0, 2.5e-05, 0.0))
 
 
-def test_a_model_that_is_asked_for_is_that_of_every_line(own):
-    with pytest.raises(InputError, match=r"own\.fit:4: no ward_duer fit, but one of cook_torrance$"):
-        fits(own, "ward_duer")
+def test_a_stated_model_is_that_of_every_line(own):
+    with pytest.raises(InputError, match=r"own\.fit:4: not a fit of ward_duer: it is a fit of cook_torrance$"):
+        read_fits(own, "ward_duer")
 
 
 def test_the_key_is_of_the_fit_and_not_of_the_files_name(own, tmp_path):
@@ -221,8 +221,8 @@ def test_the_key_is_of_the_fit_and_not_of_the_files_name(own, tmp_path):
 def test_models_that_are_not_here_are_refused_by_name(own, model):
     own.write_text(OWN.replace("NganWardDuer", model))
 
-    with pytest.raises(InputError, match=rf"own\.fit:3: no fit: {model} is a model that is not here; here are Ngan"):
-        fits(own)
+    with pytest.raises(InputError, match=rf"own\.fit:3: not a fit: unknown model {model}; known: Ngan"):
+        read_fits(own)
 
 
 @pytest.mark.parametrize(
@@ -234,11 +234,11 @@ def test_models_that_are_not_here_are_refused_by_name(own, model):
         ("roughness = 0.25", "roughness = 1.2.3", "own.fit:3: "),
     ],
 )
-def test_lines_that_are_no_fit_are_named(own, old, new, message):
+def test_lines_that_are_not_a_fit_are_named(own, old, new, message):
     own.write_text(OWN.replace(old, new))
 
     with pytest.raises(InputError, match=re.escape(message)):
-        fits(own)
+        read_fits(own)
 
 
 def test_ward_duer_without_a_file_is_refused():

@@ -16,11 +16,11 @@ import yaml
 import glossbench as gb
 from glossbench.catalog import download, folders
 from glossbench.catalog import entries as catalog
-from glossbench.catalog.entries import Entry, entries, entry, fetch
+from glossbench.catalog.entries import Entry, fetch, find_entry, list_entries
 from glossbench.catalog.locate import locate
 from glossbench.envmap.formats.files import write_exr
 from glossbench.envmap.lights.catalog_light import CatalogLight
-from glossbench.envmap.lights.file_light import FileLight, light_named
+from glossbench.envmap.lights.file_light import FileLight, make_light
 from glossbench.envmap.lights.light import LIGHTS
 from glossbench.errors import InputError
 from glossbench.study.study import load_study
@@ -51,35 +51,35 @@ def test_each_file_of_the_manifest_is_an_entry_as_stated_there(shared_data):
         for one in listed
     }
 
-    assert {(e.kind, e.file, e.url, e.sha256, e.bytes, e.licence) for e in entries()} == stated
+    assert {(e.kind, e.file, e.url, e.sha256, e.bytes, e.licence) for e in list_entries()} == stated
 
 
 def test_each_entry_is_found_among_the_data_by_its_hash(shared_data, monkeypatch):
     monkeypatch.setenv("GLOSSBENCH_DATA", str(shared_data))
 
-    missing = [e.name for e in entries() if e.local() is None]
+    missing = [e.name for e in list_entries() if e.find_local() is None]
 
     assert missing == []
 
 
 def test_names_are_unique_and_pinned():
-    names = [e.name for e in entries()]
+    names = [e.name for e in list_entries()]
 
     assert len(set(names)) == len(names)
-    assert all(len(e.sha256) == 64 and e.bytes > 0 and e.stresses and e.licence for e in entries())
+    assert all(len(e.sha256) == 64 and e.bytes > 0 and e.stresses and e.licence for e in list_entries())
 
 
 def test_entries_of_one_kind():
-    assert {e.kind for e in entries("mesh")} == {"mesh"}
+    assert {e.kind for e in list_entries("mesh")} == {"mesh"}
     with pytest.raises(InputError, match=r"^unknown kind 'meshes'; did you mean 'mesh'\?$"):
-        entries("meshes")
+        list_entries("meshes")
 
 
 def test_another_file_of_the_same_name_is_not_the_entry(tmp_path, monkeypatch):
     monkeypatch.setenv("GLOSSBENCH_DATA", str(tmp_path))
     (tmp_path / "teapot.obj").write_bytes(b"v 0 0 0")
 
-    assert entry("teapot").local() is None
+    assert find_entry("teapot").find_local() is None
 
 
 # Names as lights
@@ -97,7 +97,7 @@ def probe(tmp_path, monkeypatch):
         "grace_cross", "environment", "probe.exr", "http://127.0.0.1:9/probe.exr", hashlib.sha256(content).hexdigest(),
         len(content), "none", "a test", {"projection": "lat_long", "flip_vertical": True, "scale": 3.0},
     )  # fmt: skip
-    monkeypatch.setattr(catalog, "entries", lambda kind=None: [stated])
+    monkeypatch.setattr(catalog, "list_entries", lambda kind=None: [stated])
     monkeypatch.setenv("GLOSSBENCH_DATA", str(tmp_path / "data"))
     return tmp_path / "data" / "probe.exr"
 
@@ -116,16 +116,16 @@ def test_a_name_is_the_light_of_its_file_read_as_the_catalogue_says(probe):
 def test_the_key_depends_on_the_bytes_of_the_file(probe, monkeypatch):
     before = LIGHTS.create("grace_cross", {}).key()
     write_exr(probe, torch.ones(8, 16, 3))
-    stated = replace(catalog.entries()[0], sha256=hashlib.sha256(probe.read_bytes()).hexdigest())
-    monkeypatch.setattr(catalog, "entries", lambda kind=None: [stated])
+    stated = replace(catalog.list_entries()[0], sha256=hashlib.sha256(probe.read_bytes()).hexdigest())
+    monkeypatch.setattr(catalog, "list_entries", lambda kind=None: [stated])
 
     assert LIGHTS.create("grace_cross", {}).key() != before
 
 
 def test_the_key_depends_on_how_the_file_is_read(probe, monkeypatch):
     before = LIGHTS.create("grace_cross", {}).key()
-    stated = replace(catalog.entries()[0], reading={"projection": "lat_long"})
-    monkeypatch.setattr(catalog, "entries", lambda kind=None: [stated])
+    stated = replace(catalog.list_entries()[0], reading={"projection": "lat_long"})
+    monkeypatch.setattr(catalog, "list_entries", lambda kind=None: [stated])
 
     assert LIGHTS.create("grace_cross", {}).key() != before
 
@@ -133,10 +133,10 @@ def test_the_key_depends_on_how_the_file_is_read(probe, monkeypatch):
 def test_every_environment_is_a_light_and_nothing_else_of_the_catalogue_is():
     lights = {name for name in LIGHTS.names() if issubclass(LIGHTS.get(name), CatalogLight)}
 
-    assert lights == {e.name for e in entries("environment")}
+    assert lights == {e.name for e in list_entries("environment")}
 
 
-@pytest.mark.parametrize("stated", [pytest.param(e, id=e.name) for e in entries()])
+@pytest.mark.parametrize("stated", [pytest.param(e, id=e.name) for e in list_entries()])
 def test_reading_names_only_options_of_a_file(stated):
     light = FileLight.create({"file": stated.file, **stated.reading})
 
@@ -158,10 +158,10 @@ def test_a_light_of_the_catalogue_is_the_right_way_up_and_round(shared_data, mon
     monkeypatch.setenv("GLOSSBENCH_DATA", str(shared_data))
     manifest = yaml.safe_load((shared_data / "MANIFEST.yaml").read_text())
     # Upside down and scaled, it is grace_cross in another projection.
-    known = "grace_cross.hdr" if name == "grace_latlong" else entry(name).file
+    known = "grace_cross.hdr" if name == "grace_latlong" else find_entry(name).file
     stated = next(e for e in manifest["environments"] if Path(e["file"]).name == known)["irradiance"]
 
-    facts = light_named(name, {"resolution": 64}).facts()
+    facts = make_light(name, {"resolution": 64}).facts()
 
     measured = [facts.irradiance_up, facts.irradiance_right, facts.irradiance_forward]
     expected = [stated[side] for side in ("up", "right", "forward")]
@@ -172,8 +172,8 @@ def test_a_file_taken_as_it_is_would_be_upside_down(shared_data, monkeypatch):
     """Twin of the above."""
     monkeypatch.setenv("GLOSSBENCH_DATA", str(shared_data))
 
-    right = light_named("grace_latlong", {"resolution": 64}).facts()
-    wrong = light_named("grace_latlong.exr", {"resolution": 64}).facts()
+    right = make_light("grace_latlong", {"resolution": 64}).facts()
+    wrong = make_light("grace_latlong.exr", {"resolution": 64}).facts()
 
     assert right.irradiance_up[0] > 2 * 127.35 * wrong.irradiance_up[0]
 
@@ -205,7 +205,7 @@ def test_a_study_takes_the_name_and_its_options(probe, tmp_path):
         ("grace_cros", "unknown light 'grace_cros'; did you mean 'grace_cross'?"),
     ],
 )
-def test_a_name_that_is_no_light_says_what_it_is(tmp_path, name, message):
+def test_a_name_that_is_not_a_light_says_what_it_is(tmp_path, name, message):
     text = f"title: T\nlight: {name}\nmaterial: ggx\nview: sphere\nmethods: importance_sampling\n"
     (tmp_path / "s.yaml").write_text(text)
 
@@ -297,7 +297,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir() if path.name != ".lock")
 
 
-def test_a_file_comes_whole_with_its_progress(server, tmp_path):
+def test_a_file_is_downloaded_whole_with_its_progress(server, tmp_path):
     told = []
 
     path = brought(server, tmp_path / "new" / "file.bin", progress=told.append)
@@ -307,11 +307,11 @@ def test_a_file_comes_whole_with_its_progress(server, tmp_path):
     assert (told[0], told[-1], told) == (0, len(CONTENT), sorted(told))
 
 
-def test_a_server_that_sends_next_to_nothing_is_given_up(server, tmp_path, monkeypatch):
+def test_a_download_that_is_too_slow_is_stopped(server, tmp_path, monkeypatch):
     monkeypatch.setattr(download, "PATIENCE", 0.2)
     server.slow = 1000
 
-    with pytest.raises(InputError, match=r"is given up: it sent \d+ bytes in 0 s, and the file has 300000; the same "):
+    with pytest.raises(InputError, match=r"is too slow: it sent \d+ bytes in 0 s, and the file has 300000; the same "):
         brought(server, tmp_path / "file.bin")
     have = (tmp_path / "file.bin.part").stat().st_size
     server.slow = 0
@@ -330,7 +330,7 @@ def test_a_slow_moment_of_a_server_is_waited_for(server, tmp_path, monkeypatch):
     assert brought(server, tmp_path / "file.bin").read_bytes() == CONTENT
 
 
-def test_a_file_that_is_there_asks_nobody(server, tmp_path):
+def test_a_file_that_exists_is_not_downloaded(server, tmp_path):
     (tmp_path / "file.bin").write_bytes(CONTENT)
 
     brought(server, tmp_path / "file.bin")
@@ -338,7 +338,7 @@ def test_a_file_that_is_there_asks_nobody(server, tmp_path):
     assert server.requests == []
 
 
-def test_a_broken_download_goes_on_where_it_stopped(server, tmp_path):
+def test_a_broken_download_continues_where_it_stopped(server, tmp_path):
     server.cut = 25 * download.BLOCK
     with pytest.raises(InputError, match=r"^127.0.0.1:\d+ broke off after 102400 of 300000 bytes; the same command"):
         brought(server, tmp_path / "file.bin")
@@ -373,7 +373,7 @@ def test_a_part_that_is_complete_is_only_verified(server, tmp_path):
     assert names(tmp_path) == ["file.bin"]
 
 
-def test_a_server_that_ignores_ranges_starts_anew(server, tmp_path):
+def test_a_download_from_a_server_that_ignores_ranges_starts_again(server, tmp_path):
     (tmp_path / "file.bin.part").write_bytes(CONTENT[:100])
     server.ranges = False
 
@@ -396,14 +396,14 @@ def test_a_whole_file_appended_to_a_part_would_be_noticed(server, tmp_path, monk
 
     monkeypatch.setattr(download.requests, "get", get)
 
-    with pytest.raises(InputError, match="its sha256 is another"):
+    with pytest.raises(InputError, match="its sha256 differs"):
         brought(server, tmp_path / "file.bin")
 
 
 def test_other_bytes_are_thrown_away_and_said_so(server, tmp_path):
     server.content = CONTENT[::-1]
 
-    with pytest.raises(InputError, match=r"file.bin is not the file of the catalogue: its sha256 is another; nothing"):
+    with pytest.raises(InputError, match=r"file.bin is not the file of the catalogue: its sha256 differs; nothing"):
         brought(server, tmp_path / "file.bin")
 
     assert names(tmp_path) == []
@@ -411,7 +411,7 @@ def test_other_bytes_are_thrown_away_and_said_so(server, tmp_path):
 
 def test_a_part_of_another_file_is_thrown_away_and_the_next_try_succeeds(server, tmp_path):
     (tmp_path / "file.bin.part").write_bytes(b"other" * 100)
-    with pytest.raises(InputError, match="its sha256 is another"):
+    with pytest.raises(InputError, match="its sha256 differs"):
         brought(server, tmp_path / "file.bin")
 
     brought(server, tmp_path / "file.bin")
@@ -419,7 +419,7 @@ def test_a_part_of_another_file_is_thrown_away_and_the_next_try_succeeds(server,
     assert server.requests == ["bytes=500-", None]
 
 
-def test_a_part_longer_than_the_server_s_file_starts_anew(server, tmp_path):
+def test_a_part_longer_than_the_server_s_file_starts_again(server, tmp_path):
     (tmp_path / "file.bin.part").write_bytes(CONTENT[:5000])
     server.content = CONTENT[:4000]
 
@@ -432,7 +432,7 @@ def test_a_part_longer_than_the_server_s_file_starts_anew(server, tmp_path):
 def test_no_more_is_taken_than_the_catalogue_says(server, tmp_path):
     server.content = CONTENT * 10
 
-    with pytest.raises(InputError, match="its sha256 is another"):
+    with pytest.raises(InputError, match="its sha256 differs"):
         brought(server, tmp_path / "file.bin")
 
     assert names(tmp_path) == []
@@ -466,7 +466,7 @@ def test_a_refused_connection_is_one_line_with_a_way_out(tmp_path):
     assert names(tmp_path) == []
 
 
-def test_a_server_that_does_not_answer_is_given_up(server, tmp_path, monkeypatch):
+def test_a_download_from_a_server_that_does_not_answer_is_stopped(server, tmp_path, monkeypatch):
     monkeypatch.setattr(download, "TIMEOUT", (1.0, 0.05))
     server.gate.clear()
 
@@ -498,14 +498,16 @@ def test_two_at_once_fetch_once(server, tmp_path):
     assert names(tmp_path) == ["file.bin"]
 
 
-def test_an_entry_is_fetched_into_the_cache_and_told(server, cache, monkeypatch, caplog):
-    stated = replace(entry("teapot"), url=server.url, sha256=hashlib.sha256(CONTENT).hexdigest(), bytes=len(CONTENT))
-    monkeypatch.setattr(catalog, "entries", lambda kind=None: [stated])
+def test_an_entry_is_fetched_into_the_cache_and_reported(server, cache, monkeypatch, caplog):
+    stated = replace(
+        find_entry("teapot"), url=server.url, sha256=hashlib.sha256(CONTENT).hexdigest(), bytes=len(CONTENT)
+    )
+    monkeypatch.setattr(catalog, "list_entries", lambda kind=None: [stated])
 
     path = fetch("teapot")
 
     assert path == cache / "teapot.obj"
-    assert stated.local() == path
+    assert stated.find_local() == path
     assert caplog.messages == [f"teapot.obj is not here: fetching 0.3 MB from {download.host(server.url)}"]
     fetch("teapot")
     assert len(server.requests) == len(caplog.messages) == 1
@@ -517,4 +519,4 @@ def test_an_unknown_entry_offers_the_nearest():
 
 
 def test_the_catalogue_as_json_is_plain_data():
-    assert json.loads(json.dumps([e.reading for e in entries()])) == [e.reading for e in entries()]
+    assert json.loads(json.dumps([e.reading for e in list_entries()])) == [e.reading for e in list_entries()]

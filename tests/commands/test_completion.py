@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from glossbench.catalog.entries import entries
+from glossbench.catalog.entries import list_entries
 from glossbench.commands import completion
 from glossbench.study.registries import REGISTRIES
 
@@ -81,9 +81,9 @@ def test_completion_can_be_shown_for_installation(call):
 
 @pytest.mark.parametrize("kind", REGISTRIES)
 def test_names_read_from_sources_are_those_that_are_registered(kind):
-    named_by_the_catalogue = {e.name for kind in ("environment", "brdf") for e in entries(kind)}
+    named_by_the_catalogue = {e.name for kind in ("environment", "brdf") for e in list_entries(kind)}
 
-    assert set(completion.registered(kind)) == set(REGISTRIES[kind].names()) - named_by_the_catalogue
+    assert set(completion.list_registered(kind)) == set(REGISTRIES[kind].names()) - named_by_the_catalogue
 
 
 def test_results_are_offered_as_folders():
@@ -95,7 +95,7 @@ def test_results_are_offered_as_folders():
     assert completion.results("") == ["results/tiny"]
 
 
-def test_importing_glossbench_imports_torch_only_when_a_name_is_asked_for():
+def test_importing_glossbench_imports_torch_only_when_a_name_is_used():
     code = "import sys, glossbench as gb\nprint('torch' in sys.modules)\nsys.modules['torch'] = None\n" \
         "try: gb.Method\nexcept ModuleNotFoundError as error: print(error.name)"  # fmt: skip
 

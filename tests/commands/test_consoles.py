@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from glossbench.catalog.entries import Entry
 from glossbench.commands import cli, printing
-from glossbench.commands.consoles import Console, one_line, open_streams
-from glossbench.documentation import documentation, first_line
-from glossbench.reports.style import RC, colour_bar, style, svg
+from glossbench.commands.consoles import Console, escape_controls, open_streams
+from glossbench.documentation import read_documentation, read_first_line
+from glossbench.reports.style import RC, draw_colour_bar, style, to_svg
 from glossbench.run.figures import FIGURES
 
 HOSTILE = "s.yaml:100: [bold]x[/bold] [/red] \x1b[31mred\x1b[0m \x9b31m \u202eevil \x00"
@@ -46,7 +46,7 @@ def test_a_console_that_steers_would_be_noticed():
 
 
 def test_one_line_stays_one_line():
-    assert one_line("a\nb\r\x85\u2028\tc") == "a\\nb\\r\\x85\\u2028\\tc"
+    assert escape_controls("a\nb\r\x85\u2028\tc") == "a\\nb\\r\\x85\\u2028\\tc"
 
 
 @pytest.mark.parametrize("say", [printing.say, lambda text: cli._end(2, text)], ids=["a line", "an error"])
@@ -78,7 +78,7 @@ def test_what_an_encoding_lacks_is_spelled_out(encoding, text, shown, monkeypatc
     assert stream.buffer.getvalue().decode(encoding) == shown + "\n"
 
 
-def test_a_reader_that_is_gone_ends_the_printing_and_not_the_work():
+def test_a_closed_pipe_ends_the_printing_and_not_the_work():
     read, write = os.pipe()
     os.close(read)
     with open(write, "w", encoding="utf-8") as stream:
@@ -143,7 +143,7 @@ def test_warnings_and_records_of_the_package_are_lines_on_standard_error(call, m
         logging.getLogger("glossbench").warning("no\ncompiler")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(info, "study_files", study_files)
+    monkeypatch.setattr(info, "find_study_files", study_files)
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         code, _, err = call("info")
@@ -159,8 +159,8 @@ import os, sys, runpy
 import glossbench.reports.style
 assert os.environ["MPLBACKEND"] == "module://nowhere"
 from glossbench.catalog.entries import Entry
-from glossbench.documentation import documentation, first_line
-assert documentation(Entry) == sys.argv.pop()
+from glossbench.documentation import read_documentation, read_first_line
+assert read_documentation(Entry) == sys.argv.pop()
 sys.stdout.reconfigure(encoding="ascii")
 runpy.run_module("glossbench", run_name="__main__", alter_sys=True)
 """
@@ -170,7 +170,7 @@ def test_a_backend_that_is_not_there_and_docstrings_that_are_dropped_do_no_harm(
     environment = {**os.environ, "MPLBACKEND": "module://nowhere"}
 
     done = subprocess.run(
-        [sys.executable, "-OO", "-c", PROGRAM, "-h", documentation(Entry)],
+        [sys.executable, "-OO", "-c", PROGRAM, "-h", read_documentation(Entry)],
         capture_output=True, text=True, env=environment,
     )  # fmt: skip
 
@@ -179,14 +179,14 @@ def test_a_backend_that_is_not_there_and_docstrings_that_are_dropped_do_no_harm(
 
 
 def test_every_figure_says_what_it_is():
-    lines = {name: first_line(FIGURES.get(name)) for name in FIGURES.names()}
+    lines = {name: read_first_line(FIGURES.get(name)) for name in FIGURES.names()}
 
     assert "convergence" in lines
     assert [name for name, line in lines.items() if not line] == []
 
 
 def drawn():
-    return svg(colour_bar(1.0, "error"), "a")
+    return to_svg(draw_colour_bar(1.0, "error"), "a")
 
 
 def test_a_user_s_style_changes_no_figure_and_stays_as_it_was():

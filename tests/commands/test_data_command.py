@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from glossbench.catalog import entries as catalog
-from glossbench.catalog.entries import Entry, entries
+from glossbench.catalog.entries import Entry, list_entries
 from oracles.command_line import words
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -19,7 +19,7 @@ def test_data_list_says_what_is_here(call, here, monkeypatch):
     stated = Entry("dot", "mesh", "dot.obj", "http://127.0.0.1:9/dot.obj", hashlib.sha256(content).hexdigest(),
                    len(content), "CC0", "one point")  # fmt: skip
     gone = Entry("gone", "mesh", "gone.obj", "http://127.0.0.1:9/gone.obj", "0" * 64, 2_400_000, "CC0", "no point")
-    monkeypatch.setattr("glossbench.commands.data.entries", lambda kind=None: [stated, gone])
+    monkeypatch.setattr("glossbench.commands.data.list_entries", lambda kind=None: [stated, gone])
     monkeypatch.setenv("GLOSSBENCH_DATA", str(here))
     (here / "dot.obj").write_bytes(content)
 
@@ -41,15 +41,15 @@ def test_data_fetch_prints_where_each_file_is(call, monkeypatch):
     everything_there_is = call("data", "fetch", "--all")
 
     assert named.out == "teapot\nspot\n"
-    assert set(of_a_kind.out.split()) == {e.name for e in entries("mesh")}
-    assert everything_there_is.out.split() == [e.name for e in entries()]
-    assert len(asked) == 2 + len(entries("mesh")) + len(entries())
+    assert set(of_a_kind.out.split()) == {e.name for e in list_entries("mesh")}
+    assert everything_there_is.out.split() == [e.name for e in list_entries()]
+    assert len(asked) == 2 + len(list_entries("mesh")) + len(list_entries())
 
 
 def test_data_fetch_without_a_network_is_one_line(call, monkeypatch):
-    unreachable = replace(catalog.entry("teapot"), url="http://127.0.0.1:9/teapot.obj")
-    monkeypatch.setattr(catalog, "entries", lambda kind=None: [unreachable])
-    monkeypatch.setattr("glossbench.commands.data.entry", lambda name: unreachable)
+    unreachable = replace(catalog.find_entry("teapot"), url="http://127.0.0.1:9/teapot.obj")
+    monkeypatch.setattr(catalog, "list_entries", lambda kind=None: [unreachable])
+    monkeypatch.setattr("glossbench.commands.data.find_entry", lambda name: unreachable)
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
 
     code, out, err = call("data", "fetch", "teapot")

@@ -8,9 +8,9 @@ import pytest
 import torch
 from matplotlib.image import imread
 
-from glossbench.commands.picture import half_blocks, tone_mapped
+from glossbench.commands.picture import to_half_blocks, tone_map
 from glossbench.envmap.formats.files import read_image, write_exr
-from glossbench.envmap.lights.file_light import light_named
+from glossbench.envmap.lights.file_light import make_light
 from oracles.command_line import process, words
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -32,7 +32,7 @@ def test_light_says_what_it_understood(call):
     assert said["read as"] == "lat_long, 16 x 8 pixels"
     assert said["cube map"] == "6 faces of 4 x 4 texels"
     assert said["mean radiance"] == "2 2 2"
-    assert said["peak luminance"] == "2, of a pixel 2"
+    assert said["peak luminance"] == "2 (brightest pixel of the file: 2)"
     assert said["dynamic range"] == "1 : 1"
     assert said["brightest 0.1 %"] == "0.1 % of the energy"
     for side in ("up", "right", "forward"):
@@ -76,7 +76,7 @@ def test_a_light_is_written_in_another_projection_with_its_energy(call, projecti
     assert (code, err) == (0, "")
     assert out.splitlines()[-1] == f"{full}: out.exr"
     assert tuple(read_image("out.exr").shape[:2]) == shape
-    again = light_named("out.exr", {"projection": full, "resolution": 16}).cubemap()
+    again = make_light("out.exr", {"projection": full, "resolution": 16}).cubemap()
     # The mean of 1 + d_c over 2 is 1 / 2 in each channel.
     assert again.mean().tolist() == pytest.approx([0.5] * 3, rel=ENERGY)
 
@@ -85,7 +85,7 @@ def test_a_light_read_as_another_projection_would_be_noticed(call):
     """Twin of the above."""
     call("light", "gradient", "--resolution", 16, "-o", "out.exr", "--as", "octahedral")
 
-    again = light_named("out.exr", {"projection": "angular", "resolution": 16}).cubemap()
+    again = make_light("out.exr", {"projection": "angular", "resolution": 16}).cubemap()
 
     assert again.mean().tolist() != pytest.approx([0.5] * 3, rel=ENERGY)
 
@@ -105,14 +105,14 @@ def test_a_written_light_is_read_by_what_it_says_of_itself(call):
     [
         (["-o", "out.png"], "out.png: the extension must be .exr, got '.png'"),
         (["-o", "gone/out.exr"], "gone/out.exr: cannot be written: No such file or directory"),
-        (["-o", "folder.exr"], "folder.exr: must be a file to write, is a folder"),
+        (["-o", "folder.exr"], "folder.exr: must be a file, but is a folder"),
         (["-o", "out.exr", "--as", "octahedron"], "unknown projection 'octahedron'; did you mean 'octahedral'?"),
-        (["-o", "out.exr", "--as-axes", "pbrt", "--as", "strip"], "axes 'pbrt' say nothing of the projection strip"),
+        (["-o", "out.exr", "--as-axes", "pbrt", "--as", "strip"], "axes 'pbrt' do not apply to the projection strip"),
     ],
 )  # fmt: skip
 def test_a_light_that_cannot_be_written_is_refused_before_it_is_made(call, monkeypatch, options, message):
     Path("folder.exr").mkdir()
-    monkeypatch.setattr("glossbench.envmap.lights.file_light.light_named", lambda *_: pytest.fail("the light was made"))
+    monkeypatch.setattr("glossbench.envmap.lights.file_light.make_light", lambda *_: pytest.fail("the light was made"))
 
     code, _, err = call("light", "gradient", *options)
 
@@ -131,7 +131,7 @@ def test_light_takes_the_layer_that_is_named_and_says_what_it_chose(call):
         next(line for line in run.out.splitlines() if line.startswith("mean")).split()[2] for run in (of_itself, named)
     ]
     assert mean == ["2", "1"]
-    assert "probe.exr: the layer Combined is read, of AO, Combined" in of_itself.out
+    assert "probe.exr: the layer Combined is read, one of AO, Combined" in of_itself.out
     assert "is read" not in named.out
 
 
@@ -162,20 +162,20 @@ def test_a_picture_shows_up_above_and_right_on_the_right(call):
 
 
 def test_a_tone_mapped_grey_of_the_geometric_mean_is_the_published_one():
-    pixels = tone_mapped(torch.full((2, 2, 3), 7.0))
+    pixels = tone_map(torch.full((2, 2, 3), 7.0))
 
     # Reinhard et al. 2002: x = 0.18, x / (1 + x) = 0.15254; sRGB of it, 1.055 * 0.15254^(1 / 2.4) - 0.055 = 0.4275.
     assert pixels.unique().tolist() == [round(255 * 0.4275)]
 
 
 def test_a_black_light_is_a_black_picture():
-    assert tone_mapped(torch.zeros(2, 2, 3)).unique().tolist() == [0]
+    assert tone_map(torch.zeros(2, 2, 3)).unique().tolist() == [0]
 
 
 def test_half_blocks_show_two_pixels_a_character():
     pixels = torch.tensor([[[255, 0, 0], [1, 2, 3]], [[0, 255, 0], [4, 5, 6]], [[9, 9, 9], [9, 9, 9]]])
 
-    drawn = half_blocks(pixels.to(torch.uint8))
+    drawn = to_half_blocks(pixels.to(torch.uint8))
 
     # The third row has none below it.
     assert drawn.plain == "▀▀\n"

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 import yaml
 
-from glossbench.catalog.entries import entries
-from glossbench.commands.schema_words import values as words_of_schema
-from glossbench.options import option_names
-from glossbench.study.installed import study_files
+from glossbench.catalog.entries import list_entries
+from glossbench.commands.schema_words import describe_values as words_of_schema
+from glossbench.options import list_options
 from glossbench.study.registries import REGISTRIES
+from glossbench.study.study_files import find_study_files
 from oracles.command_line import STUDY, files_under, words
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -39,7 +39,7 @@ def test_validate_says_what_a_study_makes_and_writes_nothing(call, here):
     assert files_under(here) == before
 
 
-@pytest.mark.parametrize("name", study_files())
+@pytest.mark.parametrize("name", find_study_files())
 def test_every_installed_study_is_valid(call, name):
     code, _, err = call("validate", name)
 
@@ -109,7 +109,7 @@ def test_info_lists_every_name(call):
     assert code == 0
     for registry in REGISTRIES.values():
         assert all(name in words(out).replace(",", "").split() for name in registry.names())
-    assert all(name in words(out) for name in study_files())
+    assert all(name in words(out) for name in find_study_files())
     lines = [line for line in out.splitlines() if line]
     assert {line[:13].strip() for line in lines} == {"", *REGISTRIES, "study", "public file"}  # names stand apart
 
@@ -126,20 +126,20 @@ def test_info_prints_docstring_and_options_of_every_name(call, kind):
         assert cls.__doc__, f"{kind} {name} has no docstring"
         assert words(cleandoc(cls.__doc__)) in words(out)
         rows = {line.split()[0] for line in out.splitlines() if line.strip()}
-        assert set(option_names(cls)) <= rows
+        assert set(list_options(cls)) <= rows
 
 
 def test_info_of_a_study_says_what_it_asks_and_claims(call):
     code, out, err = call("info", "quickstart")
 
-    stated = yaml.safe_load(study_files()["quickstart"].read_text())
+    stated = yaml.safe_load(find_study_files()["quickstart"].read_text())
     assert (code, err) == (0, "")
     assert all(words(text) in words(out) for text in (stated["title"], stated["question"], stated["source"]))
     assert all(claim["text"] in out for claim in stated["claims"])
 
 
 def test_info_of_a_public_file_says_all_that_the_catalogue_does(call):
-    for stated in entries():
+    for stated in list_entries():
         code, out, err = call("info", stated.name)
 
         assert (code, err) == (0, "")
@@ -175,7 +175,7 @@ def test_info_of_a_metric_says_its_formula_and_unit(call):
         ({}, "any"),
     ],
 )
-def test_bounds_are_said_in_full(rule, said):
+def test_bounds_are_stated_in_full(rule, said):
     assert words_of_schema(rule) == said
 
 

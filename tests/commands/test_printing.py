@@ -14,18 +14,18 @@ def told(monkeypatch, capsys, **columns):
     return capsys.readouterr().err
 
 
-def test_a_busy_machine_is_told_in_one_line(monkeypatch, capsys):
+def test_a_busy_machine_is_reported_in_one_line(monkeypatch, capsys):
     text = told(monkeypatch, capsys, busy=[0.05, 0.3, 0.6])
 
-    assert text.startswith("2 of 3 cells were timed while other programs took the processor for 60 % of the time")
+    assert text.startswith("2 of 3 cells were timed while other programs used up to 60 % of the processor time")
     assert text.count("\n") == 1
 
 
-def test_two_processors_are_told_in_one_line(monkeypatch, capsys):
+def test_two_processors_are_reported_in_one_line(monkeypatch, capsys):
     assert "timed on 2 processors" in told(monkeypatch, capsys, busy=[0.0, 0.0], processor=["one", "two"])
 
 
-def test_a_quiet_machine_is_not_told(monkeypatch, capsys):
+def test_a_quiet_machine_is_not_reported(monkeypatch, capsys):
     assert told(monkeypatch, capsys, busy=[0.0, 0.1], processor=["one", "one"]) == ""
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from glossbench.commands.reference_pages import write_pages
-from glossbench.options import option_names
+from glossbench.options import list_options
 from glossbench.study.registries import REGISTRIES
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "reference"
@@ -31,7 +31,7 @@ def test_each_option_of_each_class_has_a_row_with_its_meaning(pages, kind):
     for section in pages[f"{kind}s.md"].split("\n## ")[1:]:
         name = section.split()[0]
         rows = {row.split("|")[1].strip(" `"): row for row in section.splitlines() if row.startswith("| `")}
-        assert set(rows) == set(option_names(registry.get(name)))
+        assert set(rows) == set(list_options(registry.get(name)))
         without += [f"{name}.{option}" for option, row in rows.items() if row.endswith("|  |")]
 
     assert not without

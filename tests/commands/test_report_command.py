@@ -36,7 +36,7 @@ def test_report_writes_the_reports_again(call):
 @pytest.mark.parametrize(
     ("asked", "names"), [([], "html pdf"), (["pdf"], "pdf"), (["html"], "html"), (["pdf", "html"], "html pdf")]
 )
-def test_report_writes_those_that_are_asked_for(call, monkeypatch, asked, names):
+def test_report_writes_the_stated_reports(call, monkeypatch, asked, names):
     written = []
     writers = {name: lambda folder, name=name: written.append(name) or folder / name for name in ("html", "pdf")}
     monkeypatch.setattr(run_command, "_report_writers", lambda: writers)
@@ -99,10 +99,10 @@ def test_figures_are_listed_and_written(call):
     ("arguments", "message"),
     [
         (["crop"], "error: no figure is called 'crop'; did you mean 'crops'?"),
-        (["costs", "--crop", "1,2,3,4"], "error: the figure costs takes no --crop"),
+        (["costs", "--crop", "1,2,3,4"], "error: the figure costs has no option --crop"),
         (["crops", "--crop", "1,2,3"], "error: --crop must be four whole numbers X,Y,WIDTH,HEIGHT, got '1,2,3'"),
         (["crops", "--group", "2"], "error: --group must be one of 1: "),
-        (["convergence", "--over", "k"], "error: results/tiny sweeps no 'k': --over must be one of "),
+        (["convergence", "--over", "k"], "error: results/tiny does not sweep 'k': --over must be one of "),
         (["crops", "-o", "a.gif"], "error: a.gif: the extension must be .pdf, .svg or .png, got '.gif'"),
     ],
 )

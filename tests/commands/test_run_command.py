@@ -55,7 +55,7 @@ def test_a_run_ends_with_a_table_verdicts_and_the_path_of_the_report(call):
 
 
 @pytest.mark.usefixtures("without_reports")
-def test_the_table_names_the_options_that_tell_cells_apart(call):
+def test_the_table_names_the_options_that_distinguish_cells(call):
     study = STUDY | {
         "view": {"sphere": {"resolution": [4, 8]}},
         "methods": [{"filtered_importance_sampling": {"samples": 4, "mip_filter": ["box", "gauss4"]}}],
@@ -98,7 +98,7 @@ def test_a_folder_whose_name_looks_like_markup_is_printed_as_it_is(call):
 
 
 @pytest.mark.usefixtures("without_reports")
-def test_a_failed_cell_is_told_and_the_exit_code_is_1(call, monkeypatch):
+def test_a_failed_cell_is_reported_and_the_exit_code_is_1(call, monkeypatch):
     from glossbench.methods.importance_sampling import ImportanceSampling
 
     def broken(self, points, material, texels, irradiance):
@@ -115,7 +115,7 @@ def test_a_failed_cell_is_told_and_the_exit_code_is_1(call, monkeypatch):
 
 
 @pytest.mark.usefixtures("without_reports")
-def test_failed_cells_are_mended_by_rerun_failed(call, monkeypatch):
+def test_rerun_failed_computes_failed_cells_again(call, monkeypatch):
     from glossbench.methods.importance_sampling import ImportanceSampling
 
     with monkeypatch.context() as patch:
@@ -174,7 +174,7 @@ def test_a_light_on_the_command_line_replaces_those_of_the_study(call):
 
 
 @pytest.mark.usefixtures("without_reports")
-def test_a_run_under_another_light_writes_beside_the_study_s_own_results(call):
+def test_a_run_under_another_light_writes_next_to_the_study_s_own_results(call):
     write_exr("probe.exr", torch.ones(8, 16, 3))
 
     code, out, _ = call("run", "tiny.yaml", "--light", "probe.exr", "-m", "importance_sampling")

@@ -13,9 +13,9 @@ from glossbench.contract import method_check as contract
 from glossbench.contract.cases import (
     FURNACE_MATERIALS,
     GivenPoints,
-    general_points,
-    hard_points,
-    truth_for,
+    build_general_points,
+    build_hard_points,
+    build_truth,
     turn,
     turn_light,
 )
@@ -48,7 +48,7 @@ OWN = [name for name in METHODS.names() if METHODS.get(name).__module__.startswi
 
 @pytest.fixture(scope="module")
 def truth():
-    return truth_for(Sound())
+    return build_truth(Sound())
 
 
 @pytest.mark.parametrize("check", [c for c in CHECKS if c is not check_converges], ids=lambda c: c.__name__)
@@ -85,7 +85,7 @@ def test_a_method_that_supports_no_material_of_a_check_does_not_keep_it(check):
         check_kept(Picky(), check)
 
 
-# The faults. Each is importance sampling, sound but for one thing.
+# The faults. Each is importance sampling with one error.
 
 
 def narrowed(material: Material) -> Material:
@@ -335,14 +335,14 @@ def test_what_is_not_claimed_is_not_judged(truth):
     assert check_converges(ClaimsLittle(), truth).kept is None
 
 
-def test_a_budget_that_is_no_option_breaks_a_claimed_slope(truth):
+def test_a_budget_that_is_not_an_option_breaks_a_claimed_slope(truth):
     class Misspelt(Sound):
         contract = Contract(budget=("sampels", (16, 64)), slope=-0.5)
 
     outcome = check_converges(Misspelt(), truth)
 
     assert outcome.kept is False
-    assert outcome.measured == "the contract's budget is 'sampels', which is no option"
+    assert outcome.measured == "the contract's budget is 'sampels', which is not an option"
 
 
 def test_a_method_at_the_noise_floor_converges(truth):
@@ -416,7 +416,7 @@ def test_a_turned_light_shines_from_the_turned_direction(axis):
     assert not torch.allclose(turned, (1 + d @ rotation.T) / 2, atol=0.1)
 
 
-@pytest.mark.parametrize("points", [general_points(), hard_points()], ids=["general", "hard"])
+@pytest.mark.parametrize("points", [build_general_points(), build_hard_points()], ids=["general", "hard"])
 def test_points_have_right_handed_frames_and_viewers_above(points):
     t, b, n, wo = points.t, points.b, points.n, points.wo
 
@@ -431,7 +431,7 @@ def test_points_have_right_handed_frames_and_viewers_above(points):
 
 
 def test_hard_points_look_along_every_axis_edge_and_corner_and_graze():
-    points = hard_points()
+    points = build_hard_points()
 
     assert len(points) == 3 * 26
     assert (dot(points.n, points.wo) < 2e-4).sum() == 26
@@ -457,7 +457,7 @@ def test_the_albedo_of_the_furnace_is_the_midpoint_integral_of_the_material(mate
 
 
 def test_given_points_are_a_view_of_one_row():
-    points = general_points(7)
+    points = build_general_points(7)
 
     image = shade(Sound(samples=4), Gradient(resolution=8).cubemap(), Kurt(), GivenPoints(points), time_it=False)
 
@@ -508,7 +508,7 @@ def test_a_module_is_imported_and_its_method_checked(module, one_check):
     assert check_contract("black") == check_contract(name)
 
 
-def test_of_a_module_with_two_methods_both_are_checked_by_name(module, one_check):
+def test_both_methods_of_a_module_are_checked_by_name(module, one_check):
     code = BLACK.format(name="black") + BLACK.replace("Black", "Night").format(name="night")
 
     outcomes = check_contract(module("contract_test_two", code))
@@ -529,8 +529,16 @@ def test_all_checks_run_on_a_method_without_options_and_black_is_broken(module):
 @pytest.mark.parametrize(
     ("name", "code", "message"),
     [
-        ("importance_samplin", None, r"^unknown method 'importance_samplin', nor a module; did you mean"),
-        ("unheard_of", None, r"^unknown method 'unheard_of', nor a module: no such module: not in /.*, nor installed$"),
+        (
+            "importance_samplin",
+            None,
+            r"^'importance_samplin' is neither a method nor a module; did you mean",
+        ),
+        (
+            "unheard_of",
+            None,
+            r"^'unheard_of' is neither a method nor a module: no such module: not in /.*, nor installed$",
+        ),
         ("json", None, "^module 'json' registers no method$"),
         (
             "contract_test_broken",
@@ -553,7 +561,7 @@ def test_a_name_that_cannot_be_checked_is_one_line(name, code, message, module):
         check_contract(name)
 
 
-def test_a_failed_check_names_file_and_line_of_the_plug_in_and_each_check_is_told(tmp_path, monkeypatch):
+def test_a_failed_check_names_file_and_line_of_the_plug_in_and_each_check_is_reported(tmp_path, monkeypatch):
     code = "from glossbench.shading.method import METHODS, Method\n@METHODS.register('breaks_here')\nclass B(Method):\n"
     (tmp_path / "breaks_here_plugin.py").write_text(code + "    def shade(self, points):\n        raise KeyError(7)\n")
     monkeypatch.syspath_prepend(tmp_path)

@@ -1,4 +1,4 @@
-"""The document on adding a material, a light or a metric does what it says: its code is run as it stands there."""
+"""The document on adding a material, a light or a metric is right: its code is run unchanged."""
 
 import importlib
 import re

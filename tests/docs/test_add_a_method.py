@@ -1,4 +1,4 @@
-"""The document on adding a method does what it says: its code is run as it stands there."""
+"""The document on adding a method is right: its code is run unchanged."""
 
 import re
 import sys

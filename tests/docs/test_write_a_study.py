@@ -1,4 +1,4 @@
-"""The document on studies does what it says: each of its parts is read, and makes what is written beside it."""
+"""The document on studies is right: each of its parts is read, and makes what the document states."""
 
 import re
 from pathlib import Path
@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from glossbench.run.runner import run_study
-from glossbench.study.cells import Tune
-from glossbench.study.claim_counts import Count, counts
+from glossbench.study.cells import Tuning
+from glossbench.study.claim_counts import Count, count_claims
 from glossbench.study.schema import StudyKeys
 from glossbench.study.study import Study, load_study
 
@@ -40,14 +40,14 @@ def test_every_part_of_the_document_is_read(part, tmp_path):
     loaded = load_study(path)
 
     assert loaded.cells()
-    assert [count.problem for count in counts(loaded) if count.problem] == [
+    assert [count.problem for count in count_claims(loaded) if count.problem] == [
         "a slope needs 3 values of samples, and has 2" for _ in slopes
     ]
 
 
 def test_the_first_study_makes_twelve_cells_and_six_pairs(study):
     assert len(study().cells()) == 12
-    assert counts(study()) == [Count(6, "pair")]
+    assert count_claims(study()) == [Count(6, "pair")]
 
 
 def test_the_first_study_runs_and_its_claim_has_a_verdict(study, tmp_path):
@@ -82,7 +82,7 @@ def test_zip_pairs_and_multiplies_with_other_lists(study):
 def test_a_tuned_option_is_searched_between_its_bounds_or_those_stated(study):
     tuned = [item.tune for item in study("methods", "tune", claims=[]).methods]
 
-    assert tuned == [Tune("mip_bias", "rms", -4, 4), Tune("mip_bias", "flip", -1, 1)]
+    assert tuned == [Tuning("mip_bias", "rms", -4, 4), Tuning("mip_bias", "flip", -1, 1)]
 
 
 def test_the_exclusions_leave_out_the_cells_that_are_said(study):
@@ -92,16 +92,16 @@ def test_the_exclusions_leave_out_the_cells_that_are_said(study):
 def test_where_with_a_number_is_the_isotropic_pair(study):
     claim = {"text": "A", "value": "importance_sampling", "of": "rms", "equals": 1, "where": {"alpha": 0.2}}
 
-    assert counts(study(claims=[claim])) == [Count(2, "cell")]
+    assert count_claims(study(claims=[claim])) == [Count(2, "cell")]
 
 
 def test_the_claim_on_rougher_materials_is_about_two_pairs(study):
-    assert counts(study("claims", "rougher")) == [Count(2, "pair")]
+    assert count_claims(study("claims", "rougher")) == [Count(2, "pair")]
 
 
 def test_sides_that_state_a_material_are_compared_with_each_other(study):
     # Each 2 budgets: of 3 materials; of 2 filters on each side, at equal budgets.
-    assert counts(study("claims", "easier")) == [Count(6, "pair"), Count(8, "pair")]
+    assert count_claims(study("claims", "easier")) == [Count(6, "pair"), Count(8, "pair")]
 
 
 def test_the_document_names_every_key_of_a_study_and_of_a_claim():

@@ -22,7 +22,7 @@ def light():
 
 
 def surface() -> ShadingPoints:
-    """Three points with frames of their own, one of them seen at a grazing angle."""
+    """Three points with different frames, one of them seen at a grazing angle."""
     rng = np.random.default_rng(5)
     frames = [np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(3)]
     frames = [f * np.array([1, 1, np.sign(np.linalg.det(f))]) for f in frames]

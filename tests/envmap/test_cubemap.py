@@ -11,7 +11,7 @@ import glossbench as gb
 from glossbench.directions import stack, vec3
 from glossbench.envmap.cubemap import (
     CubeMap,
-    bordered,
+    add_border,
     face_coordinates,
     face_directions,
     texel_directions,
@@ -199,7 +199,7 @@ def largest_gap(padded, width):
 def test_a_border_holds_the_neighbours_texels_on_all_edges(resolution, width):
     directions = stack(texel_directions(resolution))
 
-    padded = bordered(directions, width)
+    padded = add_border(directions, width)
 
     # Measured 0; a float32 component may differ in its last digit.
     assert largest_gap(padded, width) < 2e-7
@@ -208,7 +208,7 @@ def test_a_border_holds_the_neighbours_texels_on_all_edges(resolution, width):
 
 @pytest.mark.parametrize("resolution", [16, 64])
 def test_directions_vary_continuously_across_every_edge(resolution):
-    padded = bordered(stack(texel_directions(resolution)))
+    padded = add_border(stack(texel_directions(resolution)))
 
     for face in range(6):
         for side in SIDES:
@@ -222,7 +222,7 @@ def test_directions_vary_continuously_across_every_edge(resolution):
 @pytest.mark.parametrize("fault", ["reversed edge", "zeros", "repeated own edge", "opposite face"])
 def test_the_border_check_notices(fault):
     directions = stack(texel_directions(8))
-    padded = bordered(directions)
+    padded = add_border(directions)
     if fault == "reversed edge":
         padded[2, 0, 1:-1] = padded[2, 0, 1:-1].flip(0)
     elif fault == "zeros":
@@ -239,12 +239,12 @@ def test_the_border_check_notices(fault):
 
 
 @pytest.mark.parametrize("width", [1, 2])
-def test_beyond_a_corner_stands_the_mean_of_the_three_texels_that_meet_there(width):
+def test_beyond_a_corner_is_the_mean_of_the_three_texels_that_meet_there(width):
     resolution = 4
     directions = stack(texel_directions(resolution))
     values = torch.rand(6, resolution, resolution, 3, generator=torch.Generator().manual_seed(0))
 
-    padded = bordered(values, width)
+    padded = add_border(values, width)
 
     # Found by angle: the three texels nearest to the cube's corner.
     flat, colors = directions.reshape(-1, 3), values.reshape(-1, 3)
@@ -308,7 +308,7 @@ def check_irradiance(irradiance_of, normals):
 
     irradiance = irradiance_of(CubeMap(lobe.contiguous()), vec3(torch.tensor(normals).float()))
 
-    # Measured 1.7e-4 at 32 texels an edge, of at most 2 pi / 3: a texel's centre stands for the texel.
+    # Measured 1.7e-4 at 32 texels per edge, of at most 2 pi / 3: a texel's centre represents the texel.
     np.testing.assert_allclose(irradiance.numpy(), expected, atol=5e-4)
 
 

@@ -76,7 +76,7 @@ def test_projection_gives_back_the_coefficients_of_a_light_made_of_the_basis():
 
     coefficients = project(light, 4)
 
-    # Measured 1.2e-5: a texel's centre stands for the texel.
+    # Measured 1.2e-5: a texel's centre represents the texel.
     np.testing.assert_allclose(coefficients.numpy(), expected, atol=5e-5)
 
 

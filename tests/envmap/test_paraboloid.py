@@ -41,7 +41,7 @@ def test_texels_show_what_a_parabolic_mirror_shows():
         np.testing.assert_allclose(d[image], on_the_paraboloid(image, s, t), atol=2e-7)
 
 
-def test_a_texel_of_its_own_hemisphere_is_found_again_by_its_direction():
+def test_a_texel_of_each_hemisphere_is_found_again_by_its_direction():
     resolution = 32
     paraboloid = build_paraboloid(gb.light("constant", resolution=resolution // 2), "box")
     d = paraboloid_directions(resolution)

@@ -7,8 +7,16 @@ from scipy import ndimage
 
 import glossbench as gb
 from glossbench.directions import Vec3, stack, vec3
-from glossbench.envmap.cubemap import CubeMap, bordered, texel_directions
-from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, finest, lookup, mip_levels, weighted_radiance
+from glossbench.envmap.cubemap import CubeMap, add_border, texel_directions
+from glossbench.envmap.pyramid import (
+    FILTERS,
+    Pyramid,
+    build_mip_levels,
+    build_pyramid,
+    finest,
+    lookup,
+    weighted_radiance,
+)
 from oracles.cube_by_hand import FACES
 
 
@@ -112,7 +120,7 @@ def check_gradient(level, resolution, mip_filter):
 
 
 @pytest.mark.parametrize("mip_filter", FILTERS)
-def test_a_gradient_stays_linear_but_for_the_curvature_of_the_sphere(mip_filter):
+def test_a_gradient_stays_linear_except_for_the_curvature_of_the_sphere(mip_filter):
     level = build_pyramid(gb.light("gradient", resolution=64), mip_filter).level(1)
 
     check_gradient(level, 64, mip_filter)
@@ -120,12 +128,12 @@ def test_a_gradient_stays_linear_but_for_the_curvature_of_the_sphere(mip_filter)
 
 def test_the_gradient_check_notices_a_neighbour_read_the_wrong_way_round():
     def wrong(images, width):
-        out = bordered(images, width)
+        out = add_border(images, width)
         out[:, :width] = out[:, :width].flip(2)
         return out
 
     faces = gb.light("gradient", resolution=64).faces
-    level = Pyramid(*mip_levels(faces, FILTERS["gauss4"], wrong)).level(1)
+    level = Pyramid(*build_mip_levels(faces, FILTERS["gauss4"], wrong)).level(1)
 
     with pytest.raises(AssertionError):
         check_gradient(level, 64, "gauss4")
@@ -148,7 +156,7 @@ def test_levels_keep_the_mean_radiance_of_a_gradient(mip_filter):
 
 @pytest.mark.parametrize("mip_filter", FILTERS)
 @pytest.mark.parametrize("seed", range(4))
-def test_levels_keep_the_mean_radiance_of_spots_as_far_as_texels_count_alike(mip_filter, seed):
+def test_levels_keep_the_mean_radiance_of_spots_as_far_as_texels_have_equal_weights(mip_filter, seed):
     light = gb.light("spots", resolution=64, seed=seed)
 
     of_levels = drifts(light, mip_filter)
@@ -213,7 +221,7 @@ def test_the_seam_check_notices_a_border_without_the_neighbours(fault):
         planes = images.permute(0, 3, 1, 2)
         return torch.nn.functional.pad(planes, (width,) * 4, mode).permute(0, 2, 3, 1).contiguous()
 
-    pyramid = Pyramid(*mip_levels(random_light(32).faces, FILTERS["box"], wrong))
+    pyramid = Pyramid(*build_mip_levels(random_light(32).faces, FILTERS["box"], wrong))
 
     seam = largest_seam(pyramid)
 
@@ -241,7 +249,7 @@ def padded(faces):
             (np.s_[1:-1, 0], -right, np.s_[:, 0]),
             (np.s_[1:-1, -1], right, np.s_[:, -1]),
         ):
-            # Mirrored in the plane between the two faces, a texel beside the edge is the one across it.
+            # Mirrored in the plane between the two faces, a texel next to the edge is the one across it.
             across = d[face][inside] - (d[face][inside] @ (normal - side))[:, None] * (normal - side)
             out[face][index] = colors[(across @ flat.T).argmax(1)]
         for i in (0, -1):

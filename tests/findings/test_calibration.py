@@ -11,7 +11,7 @@ from torch import Tensor
 
 from glossbench.brdf.ggx import GGX
 from glossbench.envmap.lights.light import LIGHTS
-from glossbench.findings.comparisons import EQUAL, FAILS, HOLDS, Side, lower_case
+from glossbench.findings.comparisons import EQUAL, FAILS, HOLDS, Side, judge_lower
 from glossbench.findings.estimates import Estimate, Sample, estimate
 from glossbench.metrics import METRICS
 from glossbench.scene.points import image_of
@@ -73,7 +73,7 @@ def simulated(n: int, factor: float = 1.0) -> list[tuple[list[float], list[float
 
 def verdicts(pairs, spoilt=list) -> list[str]:
     return [
-        lower_case(CLAIM, *(Side(found[0], [Sample(spoilt(found), "of both")]) for found in pair), "").verdict
+        judge_lower(CLAIM, *(Side(found[0], [Sample(spoilt(found), "of both")]) for found in pair), "").verdict
         for pair in pairs
     ]
 
@@ -92,7 +92,7 @@ def test_a_noise_twice_too_small_makes_too_many_false():
 
 
 def test_equal_methods_are_rarely_equal_for_certain_under_such_noise():
-    """The margin of 1 % is less than the interval: nothing is claimed of what the reference does not tell."""
+    """The margin of 1 % is less than the interval: no verdict is reached that the reference cannot support."""
     assert verdicts(simulated(200)).count(EQUAL) == 0
 
 

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from glossbench.findings.citations import cited_by, cited_in, references, source_of
+from glossbench.findings.citations import collect_citations, find_cited, find_source, load_references
 from glossbench.shading.method import METHODS, Method
 from glossbench.study.registries import REGISTRIES
 
@@ -14,15 +14,15 @@ def sources():
         pytest.param(kind, name, id=f"{kind} {name}")
         for kind, registry in REGISTRIES.items()
         for name in registry.names()
-        if re.search(r"\b(19|20)\d\d\b", source_of(kind, name))
+        if re.search(r"\b(19|20)\d\d\b", find_source(kind, name))
     ]
 
 
 @pytest.mark.parametrize(("kind", "name"), sources())
 def test_the_first_work_that_a_source_names_is_known(kind, name):
-    text = source_of(kind, name)
+    text = find_source(kind, name)
 
-    keys = cited_in(text)
+    keys = find_cited(text)
 
     year = re.search(r"\b(?:19|20)\d\d\b", text)[0]
     assert keys
@@ -32,7 +32,7 @@ def test_the_first_work_that_a_source_names_is_known(kind, name):
 def citing_nothing():
     """Methods of this project whose source names no work of references.bib."""
     own = [name for name in METHODS.names() if METHODS.get(name).__module__.startswith("glossbench.methods.")]
-    return [name for name in own if not cited_in(source_of("method", name))]
+    return [name for name in own if not find_cited(find_source("method", name))]
 
 
 def test_every_method_of_this_project_cites_something():
@@ -62,13 +62,13 @@ def test_a_method_without_a_source_is_noticed():
     ],
 )
 def test_a_work_is_named_by_its_first_author_and_year(text, keys):
-    assert cited_in(text) == keys
+    assert find_cited(text) == keys
 
 
 def test_each_work_comes_once_with_all_that_cite_it():
     used = [("method", "regular_sampling"), ("material", "kurt"), ("method", "of_a_plug_in")]
 
-    found = cited_by(used, "Luksch et al. 2014, figure 8")
+    found = collect_citations(used, "Luksch et al. 2014, figure 8")
 
     assert [(each.key, each.cited_by) for each in found] == [
         ("luksch2014", ["regular_sampling", "kurt", "the study"]),
@@ -78,8 +78,8 @@ def test_each_work_comes_once_with_all_that_cite_it():
 
 
 def test_entries_are_whole_and_say_what_a_reader_needs():
-    assert "luksch2014" in references()
-    for key, entry in references().items():
+    assert "luksch2014" in load_references()
+    for key, entry in load_references().items():
         assert entry.count("{") == entry.count("}")
         assert set(re.findall(r"^  (\w+) = ", entry, re.MULTILINE)) >= {"author", "title", "year"}
         assert f"year = {{{key[-4:]}}}" in entry
@@ -90,7 +90,7 @@ def test_every_entry_is_cited_by_something():
         key
         for kind, registry in REGISTRIES.items()
         for name in registry.names()
-        for key in cited_in(source_of(kind, name))
+        for key in find_cited(find_source(kind, name))
     }
 
-    assert set(references()) == cited
+    assert set(load_references()) == cited

@@ -30,7 +30,7 @@ def test_everything_that_a_study_names_is_described(descriptions):
 
 def test_a_method_brings_its_text_equation_and_options(descriptions):
     cls = METHODS.get("filtered_importance_sampling")
-    found = descriptions.of("method", "filtered_importance_sampling")
+    found = descriptions.find("method", "filtered_importance_sampling")
     assert found.equation == cls.equation != ""
     assert found.text.splitlines()[0] == cls.__doc__.splitlines()[0]
     assert found.options == describe_options(cls)
@@ -49,14 +49,14 @@ def test_the_works_of_the_sources_and_of_the_study_are_kept_as_bibtex(descriptio
 
 def test_what_is_not_installed_is_not_described():
     found = describe_study(STUDY | {"methods": [{"of_a_plugin": {}}]})
-    assert found.of("method", "of_a_plugin") is None
+    assert found.find("method", "of_a_plugin") is None
 
 
 def test_descriptions_come_back_from_json_as_they_were(descriptions):
-    assert Descriptions.of_dict(json.loads(json.dumps(descriptions.as_dict()))) == descriptions
+    assert Descriptions.from_dict(json.loads(json.dumps(descriptions.as_dict()))) == descriptions
 
 
 @pytest.mark.parametrize("stated", [None, [], {}, {"described": [3], "references": {}}, {"described": [{}]}])
-def test_what_holds_no_descriptions_is_refused(stated):
+def test_a_file_without_descriptions_is_refused(stated):
     with pytest.raises(InputError, match=r"described\.json does not hold descriptions"):
-        Descriptions.of_dict(stated)
+        Descriptions.from_dict(stated)

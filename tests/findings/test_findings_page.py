@@ -6,9 +6,9 @@ import pandas
 import pytest
 
 from glossbench.errors import InputError
-from glossbench.findings.page import findings_page
+from glossbench.findings.page import compose_page
 from glossbench.findings.summary import Summary
-from glossbench.study.installed import study_files
+from glossbench.study.study_files import find_study_files
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -52,7 +52,7 @@ def summary(name="one", claims=(), file="/home/someone/probe.hdr"):
 def test_a_claim_shows_its_verdict_its_cases_and_its_extreme_numbers_with_their_intervals():
     cases = [case(0.5, 0.45, 0.55), case(0.25, 0.2, 0.3), case(0.75, 0.7, 0.8, "within noise")]
 
-    page = findings_page([summary(claims=[claim(numbers=cases)])])
+    page = compose_page([summary(claims=[claim(numbers=cases)])])
 
     assert (
         "| A is better | holds | 2 of 3 hold, 1 within noise | rms of a over b: 0.25 [0.2, 0.3] to 0.75 [0.7, 0.8] |"
@@ -61,30 +61,30 @@ def test_a_claim_shows_its_verdict_its_cases_and_its_extreme_numbers_with_their_
 
 
 def test_a_number_without_noise_shows_no_interval():
-    page = findings_page([summary(claims=[claim(numbers=[case(17, 17, 17)])])])
+    page = compose_page([summary(claims=[claim(numbers=[case(17, 17, 17)])])])
 
     assert "| rms of a over b: 17 |" in page
 
 
-def test_a_number_that_is_not_finite_is_left_out_and_an_unknown_interval_is_marked():
+def test_numbers_that_are_not_finite_are_counted_and_an_unknown_interval_is_marked():
     cases = [case(None, None, None), case(0.5, None, None)]
 
-    page = findings_page([summary(claims=[claim(numbers=cases), claim(numbers=cases[:1])])])
+    page = compose_page([summary(claims=[claim(numbers=cases), claim(numbers=cases[:1])])])
 
-    assert "| rms of a over b: 0.5 [?, ?] |" in page
+    assert "| rms of a over b: 0.5 [?, ?]; not finite in 1 of 2 cases |" in page
     assert "| rms of a over b: infinite |" in page
 
 
 def test_a_claim_without_a_case_says_why():
-    assert "| none | Not tested: x. |" in findings_page([summary(claims=[claim(verdict="not tested")])])
+    assert "| none | Not tested: x. |" in compose_page([summary(claims=[claim(verdict="not tested")])])
 
 
 def test_a_section_says_when_by_which_version_and_on_which_machine():
-    assert "2 cells (1 failed), 2026-11-28, glossbench 0.1.0, torch 2.13, A, 2 cores." in findings_page([summary()])
+    assert "2 cells (1 failed), 2026-11-28, glossbench 0.1.0, torch 2.13, A, 2 cores." in compose_page([summary()])
 
 
 def test_studies_without_a_summary_are_listed():
-    page = findings_page([summary("one")], ["one", "two"])
+    page = compose_page([summary("one")], ["one", "two"])
 
     assert page.endswith("## Studies without a summary\n\n- `two`\n")
 
@@ -92,7 +92,7 @@ def test_studies_without_a_summary_are_listed():
 def test_an_earlier_verdict_on_a_study_that_has_a_summary_is_left_out():
     earlier = "## Earlier\n\n| study | verdict |\n|---|---|\n| `one` | a |\n| | b |\n| `two` | c |\n| | d |\n\nEnd.\n"
 
-    page = findings_page([summary("one")], (), earlier)
+    page = compose_page([summary("one")], (), earlier)
 
     assert page.endswith("## Earlier\n\n| study | verdict |\n|---|---|\n| `two` | c |\n| | d |\n\nEnd.\n")
 
@@ -102,7 +102,7 @@ def test_a_summary_is_read_as_it_was_written(tmp_path):
 
     made.write(tmp_path / "one")
 
-    assert findings_page([Summary.read(tmp_path / "one")]) == findings_page([made])
+    assert compose_page([Summary.read(tmp_path / "one")]) == compose_page([made])
 
 
 def test_a_summary_names_no_folder_of_this_machine(tmp_path):
@@ -116,7 +116,7 @@ def test_a_folder_that_lacks_a_file_is_named(tmp_path):
     summary().write(tmp_path)
     (tmp_path / "claims.json").unlink()
 
-    with pytest.raises(InputError, match=r"holds no summary: there is no claims\.json in it"):
+    with pytest.raises(InputError, match=r"holds no summary: claims\.json is missing"):
         Summary.read(tmp_path)
 
 
@@ -124,7 +124,7 @@ def committed():
     """The page that the committed summaries give."""
     kept = DOCS / "findings"
     summaries = [Summary.read(path.parent) for path in sorted(kept.glob("*/claims.json"))]
-    return findings_page(summaries, study_files(), (kept / "earlier.md").read_text(encoding="utf-8"))
+    return compose_page(summaries, find_study_files(), (kept / "earlier.md").read_text(encoding="utf-8"))
 
 
 def test_the_committed_page_is_that_of_the_committed_summaries():
@@ -134,4 +134,4 @@ def test_the_committed_page_is_that_of_the_committed_summaries():
 def test_every_installed_study_is_on_the_page():
     page = (DOCS / "findings.md").read_text(encoding="utf-8")
 
-    assert [name for name in study_files() if f"## {name}\n" not in page and f"- `{name}`" not in page] == []
+    assert [name for name in find_study_files() if f"## {name}\n" not in page and f"- `{name}`" not in page] == []

@@ -1,4 +1,4 @@
-"""Verdicts on claims: what holds, what does not, what the reference cannot tell, and what was not tested."""
+"""Verdicts on claims: what holds, what does not, what is within noise, and what was not tested."""
 
 import json
 from math import sqrt
@@ -151,8 +151,7 @@ def test_one_case_that_does_not_hold_decides():
     assert judgement["verdict"] == "does not hold"
     assert [n["verdict"] for n in judgement["numbers"]] == ["holds", "holds", "does not hold"]
     assert judgement["summary"] == (
-        "Holds in 2 of 3 cases; rms of a over b: from 0.5 (spots, kurt (m [0.1, 0.1]), sphere, samples 14) "
-        "to 1.5 (spots, kurt (m [0.3, 0.3]), sphere, samples 14)."
+        "Holds in 2 of 3 cases; rms of a over b: 0.5 to 1.5; lowest for m [0.1, 0.1]; highest for m [0.3, 0.3]."
     )
 
 
@@ -169,7 +168,7 @@ def test_cases_within_noise_do_not_stop_a_claim_that_holds_elsewhere():
 
     assert judgement["verdict"] == "holds"
     assert judgement["summary"].startswith("Holds in 1 of 2 cases, 1 within noise;")
-    assert "from 0.5 [0.4882, 0.5118] (spots, kurt (m 0.1)" in judgement["summary"]
+    assert ": 0.5 [0.4882, 0.5118] to 0.9804 [0.9572, 1.004]; lowest for m 0.1;" in judgement["summary"]
 
 
 def test_equal_cases_stop_no_claim_that_holds_elsewhere_and_come_before_noise():
@@ -218,7 +217,7 @@ def test_one_seed_says_that_its_spread_is_not_known():
     judgement = verdict_on(LOWER, *seeded("a", {1: 0.9}), *seeded("b", {4: 1.2}))
 
     assert judgement["verdict"] == "holds"
-    assert "; seeds: 1 of a, 1 of b (one alone does not tell its spread)." in judgement["summary"]
+    assert "; seeds: 1 of a, 1 of b (the spread of a single seed is not known)." in judgement["summary"]
 
 
 def test_the_spread_that_both_methods_share_over_the_same_seeds_cancels():
@@ -290,10 +289,10 @@ def test_cells_of_other_places_are_never_paired(place):
     judgement = verdict_on(LOWER, cell("a"), cell("b", **{place: other}))
 
     assert judgement["verdict"] == "not tested"
-    assert judgement["summary"] == "Not tested: cells without a partner: 1."
+    assert judgement["summary"] == "Not tested: cells without a counterpart: 1."
 
 
-def test_options_that_one_method_sweeps_are_compared_each_and_told_apart():
+def test_options_that_one_method_sweeps_are_compared_each_and_distinguished():
     rows = [
         cell("a", rms=1.0, options={"samples": 14, "xi": 0.1}),
         cell("a", rms=3.0, options={"samples": 14, "xi": 0.2}),
@@ -314,7 +313,7 @@ def test_signed_errors_are_compared_by_size():
 
 
 @pytest.mark.parametrize("metric", ["rms", "flip", "max_error", "a_metric_of_a_plug_in"])
-def test_noise_is_measured_whatever_the_metric_is_called(metric):
+def test_noise_is_measured_for_a_metric_of_any_name(metric):
     rows = [cell(method, **noisy(metric, value, 0.3)) for method, value in [("a", 1.0), ("b", 1.2)]]
     rows[1] = cell("b", **noisy(metric, 1.2, 0.3, "++--++--"))
 
@@ -365,7 +364,7 @@ def test_where_restricts_the_cells(where, n_cases):
     assert len(judgement["numbers"]) == n_cases
 
 
-def test_where_tells_lights_of_one_name_apart_by_an_option():
+def test_where_distinguishes_lights_of_one_name_by_an_option():
     rows = [
         cell(method, light_options={"resolution": r}, rms=rms)
         for r, errors in ((256, {"a": 1, "b": 2}), (512, {"a": 2, "b": 1}))
@@ -421,7 +420,7 @@ def test_a_claim_may_be_about_one_stage_or_one_update(of, value):
     assert judgement["verdict"] == "holds"
 
 
-def test_an_image_answers_to_the_name_of_its_file():
+def test_an_image_is_found_by_the_name_of_its_file():
     rows = [
         cell("a", light="file", light_options={"file": f"/some/{name}.hdr"}, n_samples=n)
         for name, n in [("grace", 14), ("uffizi", 15)]
@@ -497,7 +496,7 @@ def test_the_slope_is_the_least_squares_one():
         (0.0, "of all", 0.0),
     ],
 )
-def test_the_slope_knows_the_noise(noise, reference, half):
+def test_the_slope_includes_the_noise(noise, reference, half):
     rows = curve([0.5, 0.25, 0.125], (4, 16, 64))
     rows.append(cell("a", **noisy("rms", 0.0625, noise * 0.0625), options={"samples": 256}, reference_key=reference))
 
@@ -512,7 +511,7 @@ def test_a_slope_whose_interval_contains_a_bound_is_within_noise():
     assert verdict_on(SLOPE, *rows)["verdict"] == "within noise"
 
 
-def test_noise_that_scales_all_points_alike_does_not_move_the_slope():
+def test_noise_that_scales_all_points_equally_does_not_move_the_slope():
     rows = [cell("a", **noisy("rms", rms, 0.1 * rms), options={"samples": n})
             for n, rms in zip((4, 16, 64, 256), (0.5, 0.25, 0.125, 0.0625), strict=True)]  # fmt: skip
 
@@ -529,7 +528,7 @@ def test_cells_at_the_noise_floor_do_not_bend_the_slope():
     assert "cells at the noise floor: 2" in judgement["summary"]
 
 
-def test_two_points_are_no_slope():
+def test_two_points_have_no_slope():
     judgement = verdict_on(SLOPE, *curve([0.5, 0.25, 9e-4, 0.0]))
 
     assert judgement["verdict"] == "not tested"
@@ -553,7 +552,7 @@ def test_a_swept_option_gives_a_curve_each_and_a_tuned_one_does_not():
 
 
 @pytest.mark.parametrize("over", ["alpha", "material.alpha"])
-def test_a_slope_over_a_parameter_of_the_material_is_one_curve_a_budget(over):
+def test_a_slope_over_a_parameter_of_the_material_is_one_curve_per_budget(over):
     rows = [
         cell("a", material_options={"alpha": [x, x], "f0": 1.0}, options={"samples": n}, rms=n * x**2)
         for n in (4, 16)
@@ -605,14 +604,45 @@ def test_a_tuned_value_is_not_a_stated_one():
     assert verdict_on(best_of_all, *rows)["summary"].startswith("Holds in 1 of 1 cases; rms of a (bias tuned by rms)")
 
 
-def test_lights_of_one_file_name_are_told_apart_in_verdicts():
+def test_lights_of_one_file_name_are_distinguished_in_verdicts():
     rows = [cell("a", light="file", light_options={"file": f"/{at}/probe.hdr"}, n_samples=n)
             for at, n in (("x", 14), ("y", 15))]  # fmt: skip
 
-    assert "14 (x/probe.hdr, kurt, sphere) to 15 (y/probe.hdr, kurt, sphere)" in verdict_on(VALUE, *rows)["summary"]
+    summary = verdict_on(VALUE, *rows)["summary"]
+
+    assert summary.endswith(": 14 to 15; lowest for x/probe.hdr; highest for y/probe.hdr.")
 
 
-def test_a_budget_that_is_no_positive_number_is_left_out():
+def test_a_sentence_names_only_what_its_cases_do_not_share():
+    rows = [
+        cell(method, light=light, light_options={"resolution": 64, "contrast": c}, rms=rms)
+        for light, c, errors in (("spots", 2, (1, 4)), ("spots", 3, (2, 4)), ("sky", 2, (3, 4)))
+        for method, rms in zip("ab", errors, strict=True)
+    ]
+
+    assert ": 0.25 to 0.75; lowest for spots with contrast 2; highest for sky." in verdict_on(LOWER, *rows)["summary"]
+    of_spots = verdict_on({**LOWER, "where": {"light": "spots"}}, *rows)
+    assert of_spots["summary"].endswith(": 0.25 to 0.5; lowest for contrast 2; highest for contrast 3.")
+
+
+def test_one_case_needs_no_name():
+    assert verdict_on(VALUE, cell("a"))["summary"] == "Holds in 1 of 1 cases; n_samples of a: 14."
+
+
+def test_cells_that_took_other_numbers_of_samples_say_so():
+    [number] = verdict_on(LOWER, cell("a", n_samples=19), cell("b", n_samples=17))["numbers"]
+
+    assert number["where"] == "spots, kurt, sphere, samples 14, 19 samples against 17 samples"
+
+
+def test_budgets_of_two_names_are_both_named():
+    rows = [cell(m, rms=rms, options={name: n}, budget=name)
+            for m, name, rms in (("a", "samples", 1.0), ("b", "rays", 2.0)) for n in (14, 17)]  # fmt: skip
+
+    assert verdict_on(LOWER, *rows)["numbers"][1]["where"] == "spots, kurt, sphere, samples 17 against rays 17"
+
+
+def test_a_budget_that_is_not_a_positive_number_is_left_out():
     judgement = verdict_on({**SLOPE, "over": "mode"}, cell("a", options={"mode": "fast"}))
 
     assert judgement["summary"] == "Not tested: cells without a positive mode: 1."
@@ -632,7 +662,7 @@ def test_a_ratio_of_costs_lies_within_bounds(a, b, verdict):
 
 
 @pytest.mark.parametrize(("noise", "verdict"), [(0.09 / T7, "does not hold"), (0.11 / T7, "within noise")])
-def test_a_ratio_of_errors_knows_the_noise(noise, verdict):
+def test_a_ratio_of_errors_includes_the_noise(noise, verdict):
     claim = {**RATIO, "of": "rms", "between": [None, 2]}
 
     judgement = verdict_on(claim, cell("a", **noisy("rms", 2.1, noise)), cell("b", rms=1.0))
@@ -694,7 +724,7 @@ def test_cells_that_did_not_finish_are_counted():
     assert judgement["summary"] == "Not tested: cells failed: 1; cells skipped: 1; cells without a finite rms: 1."
 
 
-def test_unfinished_cells_are_told_of_beside_a_verdict():
+def test_unfinished_cells_are_reported_with_a_verdict():
     judgement = verdict_on(VALUE, cell("a"), cell("a", material="ggx", status="skipped"))
 
     assert judgement["verdict"] == "holds"
@@ -704,7 +734,7 @@ def test_unfinished_cells_are_told_of_beside_a_verdict():
 def test_a_run_without_such_cells_says_so():
     judgement = verdict_on(VALUE, cell("b"))
 
-    assert judgement["summary"] == "Not tested: the run has no cell that it is about."
+    assert judgement["summary"] == "Not tested: the run has no cell of this claim."
 
 
 def test_a_metric_that_was_not_computed_is_not_tested():
@@ -723,12 +753,12 @@ def compared(a: str, b: str):
     return len(verdict_on(LOWER, *rows)["numbers"])
 
 
-def test_cells_are_paired_at_equal_budgets_whatever_their_names():
+def test_cells_are_paired_at_equal_budgets_of_any_names():
     assert compared("samples", "samples") == 2
     assert compared("rays", "rays") == 2
     assert compared("samples", "rays") == 2
 
 
-def test_an_option_called_samples_that_is_no_budget_pairs_nothing():
+def test_an_option_called_samples_that_is_not_a_budget_pairs_nothing():
     assert compared("samples", "") == 4
     assert compared("", "") == 4

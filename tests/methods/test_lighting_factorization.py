@@ -17,7 +17,7 @@ from glossbench.methods.lighting_factorization.fixed_point import fixed_point
 from glossbench.prefilter.lighting_function import LightingSamples
 from glossbench.run.measuring import measure
 from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
-from glossbench.shading.method import dependencies, stages_of
+from glossbench.shading.method import find_dependencies, order_stages
 from glossbench.shading.stage_cache import StageCache
 
 SMALL = {"virtual_edge": 4, "light_edge": 8, "edge": 8, "first_edge": 4, "tolerance": 1e-6}
@@ -55,7 +55,7 @@ def read(factors, names, points, level=-1):
 @pytest.mark.parametrize("solver", ["qmr", "cg"])
 def test_a_lighting_function_that_is_a_product_is_recovered(parameters, names, solver):
     pairs = valid_pairs(4)
-    points = pair_points(4, pairs).each(lambda c: c.double())
+    points = pair_points(4, pairs).map(lambda c: c.double())
     true = {"normal": 0.3, "reflection": 1.0, "view": -0.5}
     generator = np.random.default_rng(0)
     log_lo = sum(
@@ -193,7 +193,7 @@ def test_mip_levels_have_the_brightness_of_the_finest(mip):
 
 
 def test_all_is_redone_for_a_new_light_or_material_and_nothing_for_a_view():
-    depends = dependencies(stages_of(LightingFactorization))
+    depends = find_dependencies(order_stages(LightingFactorization))
 
     assert all({"light", "material"} <= inputs for inputs in depends.values())
     assert not any({"scene", "view"} & inputs for inputs in depends.values())

@@ -18,7 +18,7 @@ from glossbench.methods.partial_environment_maps.parabolic_maps import build_par
 from glossbench.prefilter.cosine_lobes.calibration import calibrate
 from glossbench.prefilter.cosine_lobes.lobe_sum import fit_lobe_sum
 from glossbench.prefilter.cosine_lobes.pyramid import FIVE_TAPS, LOBE_FILTERS, build_partial_maps
-from glossbench.prefilter.median_cut import _described, median_cut, whole
+from glossbench.prefilter.median_cut import _describe_regions, make_whole, median_cut
 from glossbench.shading.image import shade
 
 ROOM = 1e9
@@ -192,7 +192,7 @@ def lit_texels(resolution=64):
         index[face, at - 4 : at + 4, at - 4 : at + 4] = face
         own.append(directions[face, at, at])
     light = CubeMap(faces)
-    return build_parabolic_maps(light, _described(light, index, 12), "sqrt_cosine", ROOM), torch.stack(own)
+    return build_parabolic_maps(light, _describe_regions(light, index, 12), "sqrt_cosine", ROOM), torch.stack(own)
 
 
 @pytest.fixture(scope="module")
@@ -264,7 +264,7 @@ def test_parabolic_maps_are_nearer_to_the_convolved_light_than_cubes(s, bound):
     d = even_directions(500)
     maps, cubes = (
         parabolic(light, n),
-        build_partial_maps(light.faces, whole(light).index, 1, "sqrt_cosine", "cube", ROOM),
+        build_partial_maps(light.faces, make_whole(light).index, 1, "sqrt_cosine", "cube", ROOM),
     )
     level = calibrate(64, "sqrt_cosine").level(s)
     levels = torch.tensor(calibrate_maps(maps.pitch, "sqrt_cosine").level(s)).float()[None]
@@ -306,7 +306,7 @@ def test_the_shade_of_a_point_is_the_sum_of_each_map_at_its_own_level():
         np.testing.assert_allclose(found[k].numpy(), slow_lookup(maps, d[k], levels).sum(0), rtol=1e-3)
 
 
-def test_a_constant_light_is_constant_but_for_what_large_regions_lose():
+def test_a_constant_light_is_constant_except_for_what_large_regions_lose():
     light, material = gb.light("constant", resolution=32), gb.material("phong", s=10)
 
     image = image_of(light, material, storage="parabolic", energy="albedo")
@@ -323,7 +323,7 @@ def test_a_constant_light_is_constant_but_for_what_large_regions_lose():
 def test_the_bytes_are_stated_before_the_maps_are_made(monkeypatch):
     light = random_light(64)
     partition = median_cut(light, 64)
-    monkeypatch.setattr(parabolic_maps, "_level_0", lambda *_: pytest.fail("a map was made"))
+    monkeypatch.setattr(parabolic_maps, "_build_level_0", lambda *_: pytest.fail("a map was made"))
 
     with pytest.raises(InputError, match=r"64 parabolic partial maps of 6 x 64\^2 texels need 0.00 GB, more than the"):
         build_parabolic_maps(light, partition, "box", 1e5)
@@ -349,5 +349,7 @@ def test_the_table_is_full_and_the_bytes_are_those_of_the_image():
 def test_a_region_of_the_whole_sphere_is_refused():
     light = random_light(16)
 
-    with pytest.raises(InputError, match="up to 2 of its plane, 127 degrees, from its direction; one of these reaches"):
-        build_parabolic_maps(light, whole(light), "box", ROOM)
+    with pytest.raises(
+        InputError, match=r"up to 2 on its plane \(127 degrees\) from its direction; a region of this light"
+    ):
+        build_parabolic_maps(light, make_whole(light), "box", ROOM)

@@ -9,14 +9,14 @@ from scipy.integrate import quad
 
 import glossbench as gb
 from glossbench.directions import Vec3, reflect, stack, vec3
-from glossbench.envmap.cubemap import CubeMap, bordered, texel_directions, texel_solid_angles
-from glossbench.envmap.pyramid import FILTERS, Pyramid, lookup, mip_levels, weighted_radiance
+from glossbench.envmap.cubemap import CubeMap, add_border, texel_directions, texel_solid_angles
+from glossbench.envmap.pyramid import FILTERS, Pyramid, build_mip_levels, lookup, weighted_radiance
 from glossbench.errors import InputError
 from glossbench.prefilter.cosine_lobes import calibration as lobe_calibration
 from glossbench.prefilter.cosine_lobes.calibration import calibrate
 from glossbench.prefilter.cosine_lobes.lobe_sum import fit_lobe_sum, no_lobe_sum
 from glossbench.prefilter.cosine_lobes.pyramid import FIVE_TAPS, LOBE_FILTERS, build_partial_maps, cube_bytes
-from glossbench.prefilter.median_cut import median_cut, whole
+from glossbench.prefilter.median_cut import make_whole, median_cut
 from glossbench.scene.points import ShadingPoints
 from glossbench.shading.image import shade
 
@@ -34,7 +34,7 @@ def random_directions(n, seed=0):
 
 
 def partial(light, n_maps, mip_filter="sqrt_cosine", storage="cube"):
-    index = (whole(light) if n_maps == 1 else median_cut(light, n_maps)).index
+    index = (make_whole(light) if n_maps == 1 else median_cut(light, n_maps)).index
     return build_partial_maps(light.faces, index, n_maps, mip_filter, storage, ROOM)
 
 
@@ -82,7 +82,7 @@ def test_the_sum_check_notices_a_region_that_lacks_one_texel():
 @pytest.mark.parametrize("mip_filter", LOBE_FILTERS)
 def test_one_map_of_all_is_the_pyramid_of_the_light(mip_filter):
     light = random_light(32)
-    pyramid = Pyramid(*mip_levels(light.faces, LOBE_FILTERS[mip_filter], bordered))
+    pyramid = Pyramid(*build_mip_levels(light.faces, LOBE_FILTERS[mip_filter], add_border))
 
     maps = partial(light, 1, mip_filter)
 
@@ -122,7 +122,7 @@ def test_cropped_maps_are_the_cubes(mip_filter):
 
 def energies(light, taps):
     """Mean over texels of each level over that of level 0: what a filter of weight one keeps away from seams."""
-    pyramid = Pyramid(*mip_levels(light.faces, taps, bordered))
+    pyramid = Pyramid(*build_mip_levels(light.faces, taps, add_border))
     return [float(pyramid.level(level).double().mean() / light.faces.double().mean()) for level in range(4)]
 
 
@@ -211,7 +211,7 @@ def test_levels_rise_from_a_mirror_to_diffuse(mip_filter, volume):
 
 @pytest.mark.parametrize("reach", [0.5, pi])
 def test_rings_cover_their_part_of_the_sphere(reach):
-    _, solid_angles = lobe_calibration._rings(reach)
+    _, solid_angles = lobe_calibration._make_rings(reach)
 
     assert solid_angles.sum() == pytest.approx(2 * pi * (1 - cos(reach)), rel=1e-13)  # measured 0: linear in u
 
@@ -230,7 +230,7 @@ def check_finer(monkeypatch):
     np.testing.assert_allclose([of_coarser.level(s) for s in EXPONENTS], expected, rtol=0, atol=0.05)
 
 
-def test_a_cube_that_is_finer_than_any_calibrated_one_has_levels_of_its_own(monkeypatch):
+def test_a_cube_that_is_finer_than_any_calibrated_one_has_its_own_levels(monkeypatch):
     check_finer(monkeypatch)
 
 
@@ -253,7 +253,7 @@ def mean_volume(level):
         faces = torch.zeros(6 * resolution**2, 3)
         faces[texel] = flux[texel]
         shape = (6, resolution, resolution, 3)
-        pyramid = Pyramid(*mip_levels(faces.view(shape), LOBE_FILTERS["sqrt_cosine"], bordered))
+        pyramid = Pyramid(*build_mip_levels(faces.view(shape), LOBE_FILTERS["sqrt_cosine"], add_border))
         total += float(lookup(pyramid, d, torch.full_like(d.x, level))[:, 0].double().mean()) * 4 * pi
         own = Vec3(*everywhere[texel][:, None])
         peak += float(lookup(pyramid, own, torch.full_like(own.x, level))[0, 0])
@@ -373,7 +373,7 @@ def test_eq_5_over_all_maps_is_the_one_lookup_of_the_filtered_environment():
 
 def by_hand(light, material_s, points: ShadingPoints):
     """The mirror direction's radiance at the level of s + 1."""
-    pyramid = Pyramid(*mip_levels(light.faces, LOBE_FILTERS["sqrt_cosine"], bordered))
+    pyramid = Pyramid(*build_mip_levels(light.faces, LOBE_FILTERS["sqrt_cosine"], add_border))
     level = calibrate(light.resolution, "sqrt_cosine").level(material_s + 1)
     r = reflect(points.wo, points.n)
     return lookup(pyramid, r, torch.full_like(r.x, level))
@@ -401,7 +401,7 @@ def test_a_mirror_shows_the_light_itself():
     image = shade(gb.method("partial_environment_maps"), light, gb.material("phong", s=1e5), VIEW, time_it=False)
 
     r = reflect(VIEW.points().wo, VIEW.points().n)
-    expected = lookup(Pyramid(*mip_levels(light.faces, (1, 1), bordered)), r)
+    expected = lookup(Pyramid(*build_mip_levels(light.faces, (1, 1), add_border)), r)
     torch.testing.assert_close(image.radiance[image.mask], expected, rtol=1e-6, atol=0)  # measured 2.1e-7
 
 

@@ -410,5 +410,5 @@ def test_mip_bias_shifts_nothing_under_constant_light(material):
         ({"n_circles": 3, "spacing": "s1"}, 0),
     ],
 )
-def test_a_budget_that_the_cut_at_xi_wastes_is_told(options, n):
+def test_a_budget_that_the_cut_at_xi_wastes_is_reported(options, n):
     assert len(RegularSampling(**options).notes()) == n

@@ -12,7 +12,11 @@ import glossbench as gb
 from glossbench.directions import Vec3, points_2d, spherical
 from glossbench.methods import filtered_importance_sampling as filtered
 from glossbench.methods.filtered_importance_sampling import visibility_harmonics as harmonics
-from glossbench.methods.filtered_importance_sampling.visibility_harmonics import fit_visibility, smooth, visibility_at
+from glossbench.methods.filtered_importance_sampling.visibility_harmonics import (
+    evaluate_visibility,
+    fit_visibility,
+    smooth,
+)
 from glossbench.scene.mesh import make_mesh
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.shading import kernels as fusion
@@ -134,7 +138,7 @@ def test_visibility_of_an_open_point_is_one_but_for_the_lost_bands():
     theta = torch.linspace(0, 1.2, 13)
     d = spherical(theta, torch.full_like(theta, 0.7))
 
-    V = visibility_at(c, Vec3(*(x[None] for x in d)), d.z[None])[0].numpy()
+    V = evaluate_visibility(c, Vec3(*(x[None] for x in d)), d.z[None])[0].numpy()
 
     # Bands 0 to 2 of the clamped cosine, 1/4 + cos / 2 + 5 / 32 (3 cos^2 - 1), over cos. Measured 1.7e-6.
     cosine = np.cos(theta.numpy())
@@ -146,7 +150,7 @@ def test_visibility_stays_within_0_and_1():
     c = 10 * torch.randn(5, 16, generator=torch.Generator().manual_seed(0))
     d = Vec3(*(x[None] for x in uniform(200)))
 
-    V = visibility_at(c, d, d.z.clamp(min=0))
+    V = evaluate_visibility(c, d, d.z.clamp(min=0))
 
     assert V.shape == (5, 200)
     assert V.min() == 0
@@ -203,7 +207,7 @@ def method(**options):
     return gb.method("filtered_importance_sampling", visibility="spherical_harmonics", **options)
 
 
-def test_of_a_constant_sky_half_is_seen():
+def test_half_of_a_constant_sky_is_visible():
     light, material = gb.light("constant", radiance=2.0, resolution=8), gb.material("kurt", ks=0.0, kd=(0.8, 0.5, 0.2))
     options = {"visibility_samples": 4096, "visibility_directions": "uniform", "visibility_smoothing": 0.0}
 
@@ -244,7 +248,9 @@ def test_images_notice_coefficients_of_other_points(monkeypatch):
 
 
 def test_images_notice_a_cosine_that_counts_twice(monkeypatch):
-    monkeypatch.setattr(filtered, "visibility_at", lambda c, d, cos_i: visibility_at(c, d, torch.ones_like(cos_i)))
+    monkeypatch.setattr(
+        filtered, "evaluate_visibility", lambda c, d, cos_i: evaluate_visibility(c, d, torch.ones_like(cos_i))
+    )
 
     assert error(**SH, visibility_samples=64) > 1.2 * 0.162
 

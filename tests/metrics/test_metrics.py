@@ -12,7 +12,7 @@ import torch
 import glossbench as gb
 from glossbench.errors import InputError
 from glossbench.metrics import METRICS, perceptual, pixelwise
-from glossbench.metrics.perceptual import exposures
+from glossbench.metrics.perceptual import choose_exposures
 
 # x - y = (1, 0, -2), (0, 2, 0): squares sum to 9 over 6 numbers, y sums to 12.
 TRUTH = [[1.0, 2.0, 3.0], [4.0, 0.0, 2.0]]
@@ -26,7 +26,7 @@ BY_HAND = {
     "mean_relative_error": (1 / 1 + 2 / 3) / 6,
     "max_error": 2.0,
     "mrse": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,
-    "mrse_trimmed": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,  # a thousandth of two pixels is none
+    "mrse_trimmed": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,  # a thousandth of two pixels is zero pixels
     "smape": (2 / 3 + 4 / 4 + 4 / 2) / 6,
 }
 ON_A_DISPLAY = {"flip", "ssim"}
@@ -263,7 +263,7 @@ FROM_MAP = {
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_number_is_told_by_the_map(name):
+def test_the_map_determines_the_number(name):
     picture, truth = noisy_pair()
     metric = gb.metric(name)
 
@@ -334,7 +334,7 @@ def arrays(picture):
 def test_exposures_bring_the_brightest_and_the_median_to_85_percent():
     y, mask = arrays(noisy_pair()[1])
 
-    start, stop, n_steps = exposures(y, mask)
+    start, stop, n_steps = choose_exposures(y, mask)
 
     # Measured 2.6e-16 and 1.3e-16.
     assert aces(luminance(y[mask]).max() * 2**start) == pytest.approx(0.85, rel=1.3e-15, abs=0)
@@ -346,7 +346,7 @@ def test_exposures_bring_the_brightest_and_the_median_to_85_percent():
 def test_exposures_are_those_of_the_authors_where_all_pixels_show_the_surface(seed):
     y = np.random.default_rng(seed).lognormal(0, 1 + seed, (16, 16, 3)).astype(np.float32)
 
-    start, stop, n_steps = exposures(y.astype(np.float64), np.ones((16, 16), bool))
+    start, stop, n_steps = choose_exposures(y.astype(np.float64), np.ones((16, 16), bool))
 
     *_, theirs = flip_evaluator.evaluate(y, y, "HDR", applyMagma=False)
     # Measured 1.1e-6: theirs is single precision; and their median is the upper of the middle two.
@@ -360,9 +360,9 @@ def test_exposures_are_those_of_the_authors_where_all_pixels_show_the_surface(se
 def test_a_black_background_does_not_move_the_exposures():
     y, mask = arrays(noisy_pair()[1])
 
-    with_border = exposures(np.pad(y, ((40, 40), (40, 40), (0, 0))), np.pad(mask, 40))
+    with_border = choose_exposures(np.pad(y, ((40, 40), (40, 40), (0, 0))), np.pad(mask, 40))
 
-    assert with_border == exposures(y, mask)
+    assert with_border == choose_exposures(y, mask)
 
 
 def test_exposures_of_dark_references_are_finite():
@@ -370,8 +370,8 @@ def test_exposures_of_dark_references_are_finite():
     one = y.copy()
     one[0, 0], one[1:] = 8.0, -1e-3
 
-    assert exposures(y, mask) == (0, 0, 2)
-    start, stop, n_steps = exposures(one, mask)
+    assert choose_exposures(y, mask) == (0, 0, 2)
+    start, stop, n_steps = choose_exposures(one, mask)
     assert start == stop
     assert n_steps == 2
 
@@ -425,7 +425,7 @@ def test_flip_of_uniform_images_is_the_colour_difference_of_its_paper(x, y):
 
 @pytest.mark.parametrize("planted", [lambda e: (e[0] + 1, e[1] + 1, 2), lambda e: (e[0] - 1, e[1], 2)])
 def test_the_colour_difference_notices_another_exposure(planted, monkeypatch):
-    monkeypatch.setattr(perceptual, "exposures", lambda y, mask: planted(exposures(y, mask)))
+    monkeypatch.setattr(perceptual, "choose_exposures", lambda y, mask: planted(choose_exposures(y, mask)))
 
     with pytest.raises(AssertionError):
         check_uniform_flip(*PAIRS[0])
@@ -475,7 +475,7 @@ def test_all_images_of_a_reference_are_looked_at_under_the_same_exposures(monkey
     for each in (picture, bright, truth):
         gb.metric("flip")(each, truth)
 
-    start, stop, n_steps = exposures(*arrays(truth))
+    start, stop, n_steps = choose_exposures(*arrays(truth))
     assert asked[0] == asked[1] == asked[2]
     assert asked[0]["stopExposure"] - asked[0]["startExposure"] == pytest.approx(
         stop - start, abs=6e-7
@@ -526,7 +526,7 @@ def shown(value, stops):
 
 def scalar_ssim(picture, truth, row, column):
     """SSIM of the 11 x 11 window around one pixel, in plain loops; black past the edges of image and mask."""
-    start, stop, _ = exposures(*arrays(truth))
+    start, stop, _ = choose_exposures(*arrays(truth))
     height, width = truth.mask.shape
     means = []
     for channel in range(3):
@@ -559,13 +559,13 @@ def test_ssim_of_a_window_is_that_of_its_paper():
     "planted", [lambda image, stops: np.clip(image, 0, 1), lambda image, stops: shown_brighter(image, stops)]
 )
 def test_the_window_notices_another_display(planted, monkeypatch):
-    monkeypatch.setattr(perceptual, "displayed", planted)
+    monkeypatch.setattr(perceptual, "display", planted)
 
     with pytest.raises(AssertionError):
         check_ssim()
 
 
-def shown_brighter(image, stops, displayed=perceptual.displayed):
+def shown_brighter(image, stops, displayed=perceptual.display):
     return displayed(image, stops + 1)
 
 
@@ -581,7 +581,7 @@ def check_ssim():
 
 def test_ssim_of_uniform_images_compares_their_means_alone():
     x, y = uniform([0.5] * 3), uniform([1.0] * 3)
-    start, stop, _ = exposures(*arrays(y))
+    start, stop, _ = choose_exposures(*arrays(y))
     a, b = (shown(value, (start + stop) / 2) for value in (0.5, 1.0))
 
     errors = gb.metric("ssim").error_map(x, y)

@@ -1,6 +1,6 @@
-"""A real browser for tests: Debian's chromium without a window, spoken to by the DevTools protocol over two pipes.
+"""A real browser for tests: Debian's chromium without a window, controlled by the DevTools protocol over two pipes.
 
-No driver, port or library stands between: a command is a line of JSON that ends with a zero byte, on descriptor 3 of
+No driver, port or library is needed: a command is a line of JSON that ends with a zero byte, on descriptor 3 of
 the browser; answers and events come back on 4 (chromium's --remote-debugging-pipe). Where no chromium is installed,
 `find` says so, and the tests that ask for the fixture `browser` are skipped.
 """

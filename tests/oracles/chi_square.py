@@ -48,7 +48,7 @@ def integrate_cells(pdf, wo, theta, phi, azimuth, n_nodes=10):
 
 
 def chi_square_p(lobe, wo, pdf, seed=SEEDS[0], bounded=False):
-    """p value of 100 000 samples against a density; what falls below the surface is a cell of its own.
+    """p value of 100 000 samples against a density; all samples below the surface are one cell.
 
     Of a lobe that ends (bounded) the cells end there too, with a margin: no quadrature finds a lobe in a wide cell.
     """

@@ -78,7 +78,7 @@ class Reckless(Flat):
 
 
 class Distance(Metric):
-    """How far the image is from 0.37, whatever the truth; with a sign."""
+    """The signed difference of the image from 0.37, independent of the truth."""
 
     name = "distance"
     formula = "mean(x) - 0.37"

@@ -118,7 +118,7 @@ def interrupted(*_: object) -> None:
 
 
 def outcomes_of(load: Load, sound: list[tuple[str, bytes]], numbers: range, log: Path | None = None) -> Counter[str]:
-    """How often mutated inputs load and are refused; each fault is an outcome of its own."""
+    """How often mutated inputs load and are refused; each fault is a separate outcome."""
     signal.signal(signal.SIGALRM, interrupted)
     outcomes: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as name:

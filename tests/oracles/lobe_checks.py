@@ -1,4 +1,4 @@
-"""What is asked of every lobe: weights, reciprocity, finite values, the same from the fused kernel."""
+"""Checks of every lobe: weights, reciprocity, finite values, the same from the fused kernel."""
 
 from math import pi, radians
 

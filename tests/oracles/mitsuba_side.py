@@ -76,7 +76,7 @@ class Formula(mi.BSDF):
 
 
 def conductor(kind, widths, half_diffuse=False):
-    """Mitsuba's rough conductor without Fresnel, mixed half and half with a white diffuse surface if asked."""
+    """Mitsuba's rough conductor without Fresnel, mixed half and half with a white diffuse surface on request."""
     rough = {"type": "roughconductor", "distribution": kind, "alpha_u": widths[0], "alpha_v": widths[1]}
     rough["material"] = "none"
     white = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 1.0}}

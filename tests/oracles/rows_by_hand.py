@@ -2,7 +2,7 @@
 
 import json
 
-from glossbench.study.labels import parsed
+from glossbench.study.labels import parse_row
 
 RMS = {"few": [0.4, 0.1, 0.05], "many": [0.8, 0.3, 0.02]}
 SAMPLES = [4, 16, 64]
@@ -14,7 +14,7 @@ def rows(factors):
     for seed, factor in enumerate(factors):
         for method, errors in RMS.items():
             for n, rms in zip(SAMPLES, errors, strict=True):
-                found.append(parsed({
+                found.append(parse_row({
                     "key": f"{method}-{n}-{seed}", "reference_key": f"r{seed}", "light": "spots",
                     "light_options": json.dumps({"seed": seed}), "material": "kurt", "material_options": "{}",
                     "view": "sphere", "view_options": "{}", "method": method, "options": json.dumps({"samples": n}),

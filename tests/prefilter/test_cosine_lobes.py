@@ -217,7 +217,7 @@ def test_weight_of_a_sample_is_f_cos_over_pdf(C, s):
 
 @dataclass(frozen=True)
 class Pair:
-    """Directions of float32, and the unit vectors in float64 that they stand for."""
+    """Directions of float32, and the unit vectors in float64 that they approximate."""
 
     wo: np.ndarray
     wi: np.ndarray
@@ -328,7 +328,7 @@ def test_light_and_viewer_may_be_exchanged(C, s):
 
     there, back = lobe.f(a, b)[0], lobe.f(b, a)[0]
 
-    # Measured: 1.3e-15 of s + 2, which is the largest value but for a factor.
+    # Measured: 1.3e-15 of s + 2, which is the largest value up to a factor.
     torch.testing.assert_close(there, back, rtol=1e-11, atol=1e-14 * (s + 2))
 
 
@@ -370,7 +370,7 @@ def test_everything_is_finite_and_not_negative_from_the_normal_to_89_9_degrees(C
     assert ((pdf > 0) & torch.isfinite(pdf)).all()
     for channel in (*weight, *values, density):
         assert (torch.isfinite(channel) & (channel >= 0)).all()
-    # f / D is asked for where D is above xi of its peak.
+    # f / D is evaluated where D is above xi of its peak.
     kept = lobe.slope2(h).expand_as(over_D[0]) < 9
     assert torch.isfinite(over_D[0][kept]).all()
 

@@ -11,7 +11,7 @@ import trimesh
 import glossbench as gb
 from glossbench.directions import Vec3, vec3
 from glossbench.methods.many_lights import ManyLights
-from glossbench.prefilter.light_shadows import NoShadows, RayShadows, cast, variance_shadow_maps
+from glossbench.prefilter.light_shadows import NoShadows, RayShadows, build_variance_shadow_maps, cast
 from glossbench.prefilter.median_cut import median_cut
 from glossbench.scene.mesh import make_mesh
 from glossbench.scene.points import Occluder, ShadingPoints, View
@@ -67,10 +67,10 @@ def check_disc(visible, points, doubt):
 
 
 def maps_of(mesh, resolution=256, distance=0.0, bleeding=0.0):
-    return variance_shadow_maps(mesh, LIGHTS, SMALL, resolution, distance, bleeding)
+    return build_variance_shadow_maps(mesh, LIGHTS, SMALL, resolution, distance, bleeding)
 
 
-# Half planes of texels: bilinear moments blur over a texel to each side, the disc's edge slants by up to 1 / cos.
+# Half planes of texels: bilinear moments blur over one texel on each side, the disc's edge slants by up to 1 / cos.
 TEXEL = 2 * 1.5 / 256 * 1.5
 
 
@@ -139,7 +139,7 @@ def penumbra(distance, of_moments=(0, 1)):
     points = points_at(np.stack([x, np.full(201, -GAP / 2), 0 * x], axis=1))
     up = Vec3(*(torch.tensor([v]) for v in (0.0, 1.0, 0.0)))
     solid_angle = torch.tensor([2 * pi * (1 - np.cos(0.3))]).float()
-    maps = variance_shadow_maps(half_plane_over_plane(), up, solid_angle, 256, distance)
+    maps = build_variance_shadow_maps(half_plane_over_plane(), up, solid_angle, 256, distance)
     return replace(maps, moments=maps.moments[:, of_moments]).visible(points), x
 
 
@@ -182,7 +182,7 @@ def test_light_bleeding_darkens_what_is_below_it_and_leaves_what_is_lit():
     assert ((plain > 0.01) & (plain < 0.25)).float().mean() > 0.02
 
 
-def test_a_ball_lies_in_no_shadow_where_it_faces_the_light():
+def test_a_ball_is_not_in_shadow_where_it_faces_the_light():
     ball = trimesh.creation.icosphere(5)
     mesh = make_mesh(ball.vertices, ball.faces)
     points = points_at(mesh.vertices)
@@ -212,7 +212,7 @@ def test_on_a_scene_that_hides_nothing_all_is_visible(visibility):
 
 
 @pytest.mark.parametrize("method", ["partial_environment_maps", "many_lights"])
-def test_an_occluder_that_is_no_mesh_has_no_shadow_maps_but_rays(method):
+def test_an_occluder_that_is_not_a_mesh_has_rays_but_no_shadow_maps(method):
     material = gb.material("phong", s=20)
 
     reason = gb.method(method, visibility="shadow_maps").supports(material, HidesAll())
@@ -238,7 +238,7 @@ class Given(View):
         return torch.ones(1, len(self.points()), dtype=torch.bool)
 
     def points(self):
-        return self.held[1].each(lambda c: c[:, 0])
+        return self.held[1].map(lambda c: c[:, 0])
 
     def scene(self):
         return self.held[0]

@@ -12,7 +12,7 @@ from glossbench.directions import Vec3, stack
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Constant
 from glossbench.errors import InputError
-from glossbench.prefilter.median_cut import median_cut, whole
+from glossbench.prefilter.median_cut import make_whole, median_cut
 
 
 def random_light(resolution, seed=0):
@@ -142,7 +142,7 @@ def test_regions_are_described_by_their_own_sums():
 def test_the_whole_light_is_one_region_of_all_power():
     light = random_light(16)
 
-    partition = whole(light)
+    partition = make_whole(light)
 
     assert len(partition) == 1
     assert not partition.index.any()
@@ -159,7 +159,7 @@ def test_too_few_and_too_many_regions_are_refused(n_regions):
 
 
 def test_a_light_without_a_direction_shines_from_above():
-    direction = whole(Constant(resolution=2).cubemap()).direction
+    direction = make_whole(Constant(resolution=2).cubemap()).direction
 
     assert [float(c) for c in direction] == [0.0, 1.0, 0.0]
 
@@ -169,4 +169,4 @@ def test_a_mean_direction_is_kept_where_there_is_one():
     faces = light.faces.clone()
     faces[0] *= 2
 
-    assert float(whole(type(light)(faces, "brighter")).direction.x[0]) == pytest.approx(1.0)
+    assert float(make_whole(type(light)(faces, "brighter")).direction.x[0]) == pytest.approx(1.0)

@@ -41,7 +41,7 @@ def random_rays(n=4000, seed=1):
 
 
 def crossings(vertices, faces, origins, directions):
-    """Distance along each ray to each triangle (N, F), infinite where there is none, and u, v."""
+    """Distance along each ray to each triangle (N, F), infinite without an intersection, and u, v."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     e1, e2 = b - a, c - a
     p = np.cross(directions[:, None], e2)
@@ -290,7 +290,7 @@ HALVES = [[0, 1, 2], [0, 2, 3]]
 
 @pytest.mark.parametrize("distance", [1e-4, 0.1, 1.0])
 def test_a_wall_hides_its_form_factor(distance):
-    standing = np.where(WALL[:, 1:2] < 0, WALL * [1, 0, 1], WALL)  # what of it is above the horizon
+    standing = np.where(WALL[:, 1:2] < 0, WALL * [1, 0, 1], WALL)  # the part above the horizon
     view = Floor(make_mesh(WALL, HALVES), [distance, 0, 0])
 
     radiance, standard_error = image(view)
@@ -409,7 +409,7 @@ def killed_after(n_saves, folder, monkeypatch, **options):
 
 
 @pytest.mark.parametrize("n_saves", [1, 16, 23, 47, 48])
-def test_a_killed_reference_goes_on_to_the_same_bytes(n_saves, tmp_path, monkeypatch):
+def test_a_killed_reference_continues_to_the_same_bytes(n_saves, tmp_path, monkeypatch):
     whole = unbroken()
     killed_after(n_saves, tmp_path, monkeypatch)
     rounds, right = [], ground_truth._round
@@ -432,12 +432,12 @@ def test_sums_of_another_seed_scene_or_source_are_not_taken_up(tmp_path, monkeyp
 
     assert (other.radiance == unbroken(1).radiance).all()
     assert len(list(tmp_path.iterdir())) == 1
-    monkeypatch.setattr(checkpoint_module, "code_hash", lambda *modules: "another version")
+    monkeypatch.setattr(checkpoint_module, "compute_code_hash", lambda *modules: "another version")
     assert (run(tmp_path).radiance == unbroken().radiance).all()
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_a_broken_checkpoint_is_begun_anew(tmp_path, monkeypatch):
+def test_a_broken_checkpoint_is_started_again(tmp_path, monkeypatch):
     killed_after(20, tmp_path, monkeypatch)
     (path,) = tmp_path.iterdir()
     path.write_bytes(path.read_bytes()[:100])

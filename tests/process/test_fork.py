@@ -42,7 +42,7 @@ def threads():
     torch.set_num_threads(before)
 
 
-def test_a_forked_process_works_alone_and_comes_to_the_same(threads):
+def test_a_forked_process_works_alone_and_has_the_same_result(threads):
     assert in_child(lambda: parallel() == threads and torch.get_num_threads() == 1)
     assert torch.get_num_threads() == 2
 

@@ -22,9 +22,9 @@ import torch
 from PIL import Image
 from torch.overrides import TorchFunctionMode
 
-from glossbench.digests import digest_of
-from glossbench.process.state import Restored
-from glossbench.shading.costs import Timing, timed
+from glossbench.digests import compute_digest
+from glossbench.process.state import ProcessRestorer
+from glossbench.shading.costs import Timing, time_work
 from glossbench.shading.method import METHODS, Method
 
 KEPT: list[object] = []
@@ -98,7 +98,7 @@ def test_what_is_changed_is_put_back(what):
     read, change = CHANGES[what]
     before = read()
 
-    with Restored("mine"):
+    with ProcessRestorer("mine"):
         change()
         changed = read() != before if what != "a builtin" else True
 
@@ -109,7 +109,7 @@ def test_what_is_changed_is_put_back(what):
 def test_it_is_put_back_where_the_block_raises():
     before = os.getcwd()
 
-    with suppress(ValueError), Restored("mine"):
+    with suppress(ValueError), ProcessRestorer("mine"):
         os.chdir("/")
         raise ValueError
 
@@ -118,7 +118,7 @@ def test_it_is_put_back_where_the_block_raises():
 
 def test_threads_that_are_left_do_not_keep_the_process_alive():
     stop = threading.Event()
-    with Restored("mine"):
+    with ProcessRestorer("mine"):
         thread = threading.Thread(target=stop.wait, daemon=False)
         thread.start()
 
@@ -132,10 +132,10 @@ def test_threads_that_are_left_do_not_keep_the_process_alive():
 LEFT = """
 import os, subprocess, sys, threading, time
 from concurrent.futures import ThreadPoolExecutor
-from glossbench.process.leftovers import children, end_children, leave
-from glossbench.process.state import Restored
-running = children()
-with Restored("mine"):
+from glossbench.process.leftovers import find_children, end_children, leave
+from glossbench.process.state import ProcessRestorer
+running = find_children()
+with ProcessRestorer("mine"):
     ThreadPoolExecutor().submit(time.sleep, 1000)
     threading.Thread(target=time.sleep, args=(1000,)).start()
     child = subprocess.Popen(["sleep", "1000"])
@@ -147,7 +147,7 @@ with Restored("mine"):
 end_children(but=running)
 print("on output")
 print("on error", file=sys.stderr)
-print(len(children() - running))
+print(len(find_children() - running))
 leave(7)
 """
 
@@ -166,20 +166,20 @@ def test_a_process_with_all_of_it_ends_with_its_code_and_its_streams():
 def test_bytes_written_through_numpy_change_the_digest():
     tensor = torch.zeros(4)
     value = {"a": (tensor, np.zeros(3)), "b": [None, "text"]}
-    before = digest_of(value)
+    before = compute_digest(value)
 
-    assert digest_of(value) == before
+    assert compute_digest(value) == before
     tensor.numpy()[1] = 1
-    assert digest_of(value) != before
+    assert compute_digest(value) != before
     tensor.numpy()[1] = 0
     value["a"][1][2] = 1
-    assert digest_of(value) != before
+    assert compute_digest(value) != before
 
 
 def test_a_time_is_the_median_of_several_runs_with_the_fastest_and_the_slowest():
     seconds = iter([0.0, 0.03, 0.06, 0.0, 0.03, 0.03, 0.03, 0.03])
 
-    _, timing = timed(lambda: time.sleep(next(seconds)))
+    _, timing = time_work(lambda: time.sleep(next(seconds)))
 
     assert timing.runs >= 3
     assert 0.03 <= timing.median < 0.06 <= timing.high
@@ -190,7 +190,7 @@ def test_a_time_is_the_median_of_several_runs_with_the_fastest_and_the_slowest()
 def test_without_patience_work_runs_once():
     calls = []
 
-    _, timing = timed(lambda: calls.append(1), patience=0)
+    _, timing = time_work(lambda: calls.append(1), patience=0)
 
     assert (len(calls), timing.runs) == (1, 1)
     assert timing.low == timing.median == timing.high

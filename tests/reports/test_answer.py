@@ -7,19 +7,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from glossbench.findings.columns import column_of_metric
-from glossbench.reports.model.answer import answer_of
-from glossbench.reports.model.conditions import grouped
-from glossbench.reports.model.spreadsheet import csv_link
+from glossbench.findings.columns import make_metric_column
+from glossbench.reports.model.answer import find_answer
+from glossbench.reports.model.conditions import group_cells
+from glossbench.reports.model.spreadsheet import make_csv_link
 from glossbench.reports.style import polar
 from oracles.rows_by_hand import rows
 
 
 def answer(given):
-    return answer_of(grouped(given, [column_of_metric("rms")]), "rms")
+    return find_answer(group_cells(given, [make_metric_column("rms")]), "rms")
 
 
-def test_the_answer_is_where_methods_differ_most_beside_the_mean_of_the_reference():
+def test_the_answer_is_where_methods_differ_most_relative_to_the_mean_of_the_reference():
     check_answer(answer(told([1, 2, 10], means=[1.0, 0.1, 10.0])))
 
 
@@ -45,7 +45,7 @@ def test_a_budget_that_more_methods_share_comes_first():
     assert answer(given).budget == "16 samples"
 
 
-def test_a_method_without_a_budget_stands_beside_all_of_them():
+def test_a_method_without_a_budget_is_shown_with_every_budget():
     given = rows([1])
     lookup = given[0] | {"key": "lookup", "method": "lookup", "options": {}, "rms": 0.41}
 
@@ -53,19 +53,19 @@ def test_a_method_without_a_budget_stands_beside_all_of_them():
 
 
 def test_the_answer_is_of_the_budget_and_the_place_that_the_claim_is_about():
-    groups = grouped(rows([1, 2]), [column_of_metric("rms")])
+    groups = group_cells(rows([1, 2]), [make_metric_column("rms")])
 
-    found = answer_of(groups, "rms", [("nothing ran", ()), ("at 64", {"few-64-1", "many-64-1"})])
+    found = find_answer(groups, "rms", [("nothing ran", ()), ("at 64", {"few-64-1", "many-64-1"})])
 
     assert (found.budget, found.claim) == ("64 samples", "at 64")
     assert [cell.row["key"] for cell in found.cells] == ["few-64-1", "many-64-1"]
 
 
-def test_the_cells_of_the_claim_stand_for_its_methods_beside_the_best_of_others():
+def test_the_answer_shows_the_claim_s_cells_of_its_methods_and_the_best_of_others():
     given = [row | {"options": {"samples": row["n_samples"], "k": k}, "key": f"{row['key']}-{k}", "rms": row["rms"] * k}
              for row in rows([1]) for k in (1, 2)]  # fmt: skip
 
-    found = answer_of(grouped(given, [column_of_metric("rms")]), "rms", [("few with k 2", {"few-16-0-2"})])
+    found = find_answer(group_cells(given, [make_metric_column("rms")]), "rms", [("few with k 2", {"few-16-0-2"})])
 
     assert [cell.row["key"] for cell in found.cells] == ["few-16-0-2", "many-16-0-1"]
 
@@ -76,7 +76,7 @@ def test_a_budget_has_the_name_that_the_rows_give_it():
     assert answer(given).budget == "4 rays"
 
 
-def test_of_a_single_method_the_best_the_worst_and_some_between_are_shown():
+def test_a_single_method_shows_its_best_its_worst_and_some_between():
     one = rows([1])[0]
     given = [one | {"key": f"{i}", "options": {"samples": 4, "k": i}, "rms": 1.0 + i} for i in range(9)]
 
@@ -87,8 +87,8 @@ def test_without_an_image_there_is_no_answer():
     assert answer([row | {"status": "failed"} for row in rows([1])]) is None
 
 
-def test_a_spreadsheet_takes_no_name_for_a_formula():
-    link = csv_link(pd.DataFrame({"method": ["=HYPERLINK()", "@x", "plain"], "mean_error": [-0.1, 1 / 3, 2.0]}))
+def test_a_spreadsheet_reads_no_name_as_a_formula():
+    link = make_csv_link(pd.DataFrame({"method": ["=HYPERLINK()", "@x", "plain"], "mean_error": [-0.1, 1 / 3, 2.0]}))
 
     table = pd.read_csv(io.BytesIO(base64.b64decode(link.split(",", 1)[1])))
     assert table.method.tolist() == ["'=HYPERLINK()", "'@x", "plain"]

@@ -58,7 +58,7 @@ SHOWN = """[...document.querySelectorAll('#cells tbody')].map((body) =>
 
 
 def column(page, name):
-    """What the shown rows have in a column, a list a group; None where a cell has no such value."""
+    """The values of a column in the shown rows, one list per group; None if a cell has no such value."""
     head = f"[...document.querySelectorAll('#cells th')].find((h) => h.innerText.startsWith('{name}'))"
     return page.do(SHOWN.replace("VALUE", f"JSON.parse(row.dataset.values)[{head}.dataset.column] ?? null"))
 
@@ -176,7 +176,7 @@ def test_the_pointer_on_a_point_shows_its_cell_and_marks_it_in_every_plot(page):
 
     tip = page.text(".tip")
     assert tip.startswith("regular_sampling")
-    assert "light samples a pixel: 16" in tip
+    assert "light samples per pixel: 16" in tip
     assert "shading time [ms]: 1.60" in tip
     marked = page.do("[...document.querySelectorAll('.point.active')].map((point) => point.dataset.key)")
     assert set(marked) == {"regular_sampling-16-0"}
@@ -185,7 +185,7 @@ def test_the_pointer_on_a_point_shows_its_cell_and_marks_it_in_every_plot(page):
     assert "new material" in page.text("#plot-nothing")
 
 
-def test_a_click_on_a_point_and_on_a_name_asks_for_the_image(page):
+def test_a_click_on_a_point_or_on_a_name_opens_the_image(page):
     page.do("window.asked = []; document.addEventListener('open-cell', (event) => asked.push(event.detail.key)); 1")
 
     page.click_on('.plots [data-x="over"] .point[data-key="split_sum-4-0"]')
@@ -213,7 +213,7 @@ def test_keys_walk_along_lines_and_between_them(page):
     assert page.do("""document.querySelectorAll('.plots [data-x="over"] .point[tabindex="0"]').length""") == 1
 
 
-def test_a_line_goes_and_comes_by_its_key(page):
+def test_the_key_hides_and_shows_a_line(page):
     n = len(points(page, "over"))
 
     page.click_on(".key button")
@@ -266,7 +266,7 @@ def test_numbers_of_the_script_are_those_of_the_tables(page):
 
     said = page.do(f"{(TEMPLATES / 'numbers.js').read_text()}\n{json.dumps(values)}.map((value) => number(value))")
 
-    assert said == [style.number(value) for value in values]
+    assert said == [style.format_number(value) for value in values]
 
 
 def test_over_three_lights_a_line_has_a_band_which_the_pointer_brings_out(browser, tmp_path):
@@ -352,7 +352,7 @@ def test_keys_walk_through_groups_and_open_the_cell_of_each(browser, materials):
         assert page.do("asked") == ["regular_sampling-4-1"]
 
 
-def test_a_box_takes_the_lines_of_a_value_away_and_back(browser, materials):
+def test_a_checkbox_hides_and_shows_the_lines_of_a_value(browser, materials):
     with opened(browser, materials) as page:
         lines = page.do("[...document.querySelectorAll('.key button')].map((button) => button.innerText)")
         n = len(points(page, "over"))
@@ -443,7 +443,7 @@ def check_harmless(browser, report):
 def test_the_check_of_names_notices_a_template_that_does_not_escape(browser, hostile, monkeypatch):
     plain = html.Environment
     monkeypatch.setattr(html, "Environment", lambda **options: plain(**options | {"autoescape": False}))
-    monkeypatch.setattr(html, "_templates", html._templates.__wrapped__)  # past its cache
+    monkeypatch.setattr(html, "_load_templates", html._load_templates.__wrapped__)  # past its cache
 
     with pytest.raises((AssertionError, TimeoutError)):
         check_harmless(browser, html.write_report(hostile))

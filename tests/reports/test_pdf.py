@@ -17,11 +17,11 @@ from glossbench.reports import raster, style, typesetting
 from glossbench.reports.figures import profile
 from glossbench.reports.model import crops
 from glossbench.reports.model.axes import Label
-from glossbench.reports.model.crops import Crop, crops_of
-from glossbench.reports.model.descriptions import described
-from glossbench.reports.model.notation import runs
+from glossbench.reports.model.crops import Crop, choose_crops
+from glossbench.reports.model.descriptions import describe_methods
+from glossbench.reports.model.notation import split_runs
 from glossbench.reports.print import pdf
-from glossbench.reports.print.images import middle_budgets
+from glossbench.reports.print.images import choose_middle_budgets
 from glossbench.run.figures import FIGURES
 from glossbench.run.results import Results
 from glossbench.shading.method import METHODS as REGISTERED
@@ -49,14 +49,14 @@ def report(folder):
 @pytest.fixture
 def plain(monkeypatch):
     """Plots and images take most of the time of a report; a check of text needs none."""
-    monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
-    monkeypatch.setattr(pdf, "_images", lambda *_: (None, []))
+    monkeypatch.setattr(pdf, "_arrange_plots", lambda *_: ([], []))
+    monkeypatch.setattr(pdf, "_arrange_images", lambda *_: (None, []))
 
 
 @pytest.fixture
 def imageless(monkeypatch):
     """What is said of plots needs no images."""
-    monkeypatch.setattr(pdf, "_images", lambda *_: (None, []))
+    monkeypatch.setattr(pdf, "_arrange_images", lambda *_: (None, []))
 
 
 def test_first_page_has_title_question_verdicts_and_a_picture(report):
@@ -78,7 +78,7 @@ def test_pages_hold_numbers_reasons_tracebacks_study_and_provenance(folder, repo
 
     cells = pd.read_parquet(folder / "cells.parquet")
     for _, cell in cells[(cells.status == "done") & ~cells.at_noise_floor].iterrows():
-        assert f" {style.number(cell.rms)} " in text
+        assert f" {style.format_number(cell.rms)} " in text
     assert text.count("skipped: the BRDF must be isotropic, m is (0.2, 0.075)") == 2
     assert text.count("Traceback (most recent call last): line 3 MethodError:") == 2
     for said in ("RMS ≤ 0.0040", "relative_error: 0.001", "glossbench run discs", "2.8.0", "Luksch, Christian"):
@@ -130,7 +130,7 @@ def test_same_results_give_the_same_bytes(folder, plain):
 
 
 def test_plots_are_lines_and_text(report):
-    plots = next(page for page in pages_of(report) if "light samples a pixel" in page["text"])
+    plots = next(page for page in pages_of(report) if "light samples per pixel" in page["text"])
 
     assert "shading time [ms]" in plots["text"]
     assert re.search("regular_sampling, slope −0.5[01]", plots["text"])  # errors fall as N^-1/2, with noise
@@ -142,11 +142,11 @@ def test_error_maps_of_all_cells_are_in_the_pages_on_one_scale(folder, report):
 
 
 def test_the_check_notices_maps_on_their_own_scales(folder, monkeypatch):
-    error_map = raster.error_map
+    error_map = raster.draw_error_map
     monkeypatch.setattr(
-        raster, "error_map", lambda e, mask, _, *how: error_map(e, mask, 0.9 * np.abs(e[mask]).max(), *how)
+        raster, "draw_error_map", lambda e, mask, _, *how: error_map(e, mask, 0.9 * np.abs(e[mask]).max(), *how)
     )
-    monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
+    monkeypatch.setattr(pdf, "_arrange_plots", lambda *_: ([], []))
 
     with pytest.raises(AssertionError):
         check_maps(folder, pdf.write_report(folder).read_bytes())
@@ -206,18 +206,23 @@ def test_results_without_a_single_image_make_a_report(tmp_path):
 def test_every_registered_method_has_an_equation_that_can_be_set():
     with typesetting.Press() as press:
         for name in REGISTERED.names():
-            equation = described([name], INSTALLED)[0].equation
+            equation = describe_methods([name], INSTALLED)[0].equation
             assert equation, name
             assert press.is_equation(equation), name
         assert not press.is_equation("sum_(i=1 undefined_name")
 
 
-def test_a_method_is_told_by_what_follows_its_formula():
-    told = {each.name: "".join(run.text for run in each.text[0]) for each in described(REGISTERED.names(), INSTALLED)}
+def test_a_method_is_described_by_the_text_after_its_formula():
+    told = {
+        each.name: "".join(run.text for run in each.text[0]) for each in describe_methods(REGISTERED.names(), INSTALLED)
+    }
 
     assert told["environment_sampling"].startswith("with ω drawn in proportion to luminance")
     assert told["filtered_importance_sampling"].startswith("ω is drawn by the BRDF's own sampler")
-    assert described(["of_a_plug_in"], INSTALLED)[0].text[0][0].text == "Of a plug-in that is not installed here."
+    assert (
+        describe_methods(["of_a_plug_in"], INSTALLED)[0].text[0][0].text
+        == "It belongs to a plug-in that is not installed here."
+    )
 
 
 @pytest.mark.parametrize(
@@ -235,7 +240,7 @@ def test_a_method_is_told_by_what_follows_its_formula():
     ],
 )  # fmt: skip
 def test_formulas_in_text_are_set(text, expected):
-    assert [tuple(run) for run in runs(text)] == expected
+    assert [tuple(run) for run in split_runs(text)] == expected
 
 
 def test_crops_lie_where_errors_are_and_do_not_overlap():
@@ -245,11 +250,11 @@ def test_crops_lie_where_errors_are_and_do_not_overlap():
     error[40:50, 10:20] = 1
     error[30, 40] = 1e6  # one pixel decides nothing
 
-    first, second, *_ = crops_of([error, 0.5 * error], mask, 2.0, 3)
+    first, second, *_ = choose_crops([error, 0.5 * error], mask, 2.0, 3)
 
     assert first.width == second.height == 12  # the smallest
-    assert first.of(error).sum() == -200
-    assert second.of(error).sum() == 100
+    assert first.cut(error).sum() == -200
+    assert second.cut(error).sum() == 100
 
 
 def test_crops_lie_on_the_surface():
@@ -257,10 +262,10 @@ def test_crops_lie_on_the_surface():
     mask[20:40, 20:40] = True
     error = np.where(mask, 0.1, 5.0)
 
-    (crop,) = crops_of([error], mask, 10.0, 1)
+    (crop,) = choose_crops([error], mask, 10.0, 1)
 
-    assert crop.of(mask).all()
-    assert crops_of([np.zeros((60, 60))], mask, 1.0) == []
+    assert crop.cut(mask).all()
+    assert choose_crops([np.zeros((60, 60))], mask, 1.0) == []
 
 
 @pytest.mark.parametrize("size", [(12, 12), (13, 40), (97, 64)])
@@ -270,7 +275,7 @@ def test_a_crop_is_found_to_the_pixel(size):
         error = np.zeros(size)
         error[y : y + side, x : x + side] = 1
 
-        assert crops_of([error], np.ones(size, bool), 1.0, 1) == [Crop(x, y, side, side)]
+        assert choose_crops([error], np.ones(size, bool), 1.0, 1) == [Crop(x, y, side, side)]
 
 
 def test_what_a_study_sweeps_is_plotted_first(imageless, tmp_path):
@@ -280,7 +285,7 @@ def test_what_a_study_sweeps_is_plotted_first(imageless, tmp_path):
     assert text.index("rms over s of the material") < text.index("rms over samples and against costs")
 
 
-def test_convergence_is_over_what_it_is_told_and_else_over_what_the_study_sweeps(tmp_path):
+def test_convergence_is_over_the_stated_axis_and_by_default_over_what_the_study_sweeps(tmp_path):
     folder = three_materials(tmp_path / "materials", [1, 4, 64])
 
     for name, options in (("s of the material", {}), ("light samples", {"over": "samples", "group": 2})):
@@ -319,8 +324,8 @@ def test_a_profile_runs_through_the_brightest_pixel_of_the_surface():
     reference, mask = np.zeros((4, 5, 3)), np.ones((4, 5), bool)
     reference[2, 3], reference[1, 1], mask[1, 1] = 2.0, 9.0, False
 
-    row = profile.brightest_row(reference, mask)
-    line = profile.along(row, mask, Label("method", 0, 0, "#0072b2"), 3 * reference)
+    row = profile.find_brightest_row(reference, mask)
+    line = profile.make_line(row, mask, Label("method", 0, 0, "#0072b2"), 3 * reference)
 
     assert row == 2
     assert (line.x.tolist(), line.y.tolist()) == ([0, 1, 2, 3, 4], [0, 0, 0, 6, 0])
@@ -334,9 +339,9 @@ def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
     (page,) = pages_of(path.read_bytes())
     reference = read_exr(folder / "references" / "ref0.exr")
     mask = np.asarray(Image.open(folder / "references" / "ref0_mask.png")) > 0
-    exposure = raster.exposure_of(reference, mask)
+    exposure = raster.choose_exposure(reference, mask)
     window = np.s_[8:38, 4:24]
-    expected = np.asarray(Image.open(io.BytesIO(raster.picture(reference[window], mask[window], exposure))))
+    expected = np.asarray(Image.open(io.BytesIO(raster.draw_picture(reference[window], mask[window], exposure))))
     assert any(
         image.shape == (30, 20, 3) and np.array_equal(image[mask[window]], expected[..., :3][mask[window]])
         for image in page["images"]
@@ -344,7 +349,7 @@ def test_a_figure_of_given_crops_shows_these_pixels(folder, tmp_path):
 
 
 @pytest.mark.parametrize("ending", ["png", "svg"])
-def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path):
+def test_a_figure_has_the_format_of_its_file_name(ending, folder, tmp_path):
     path = tmp_path / f"f.{ending}"
 
     write("convergence", folder, path, group=1)
@@ -362,7 +367,7 @@ def test_a_figure_takes_the_form_that_its_name_asks_for(ending, folder, tmp_path
         ("images", {"group": 1}, "a.jpg", "the extension must be .pdf, .svg or .png, got '.jpg'"),
         ("images", {}, "a.pdf", r"which light, material and view\? --group must be one of 1: spots, kurt"),
         ("images", {"group": 3}, "a.pdf", "--group must be one of 1: .*; 2: .*, got 3"),
-        ("convergence", {"group": 1, "over": "s"}, "a.pdf", "sweeps no 's': --over must be one of samples$"),
+        ("convergence", {"group": 1, "over": "s"}, "a.pdf", "does not sweep 's': --over must be one of samples$"),
         ("costs", {"group": 1, "metric": "rns"}, "a.pdf", "has no metric 'rns'; did you mean 'rms'?"),
         ("crops", {"group": 1, "crop": [(60, 0, 5, 5)]}, "a.pdf", "must lie within 64 x 64 pixels, got 60,0,5,5"),
     ],
@@ -383,7 +388,7 @@ def test_an_equation_that_cannot_be_set_is_printed_as_it_was_written(folder, pla
     assert "sum_(i=1 #panic(1) with the" in text
 
 
-def test_a_change_that_asks_for_nothing_has_no_column(report):
+def test_a_change_without_update_cost_has_no_column(report):
     text = text_of(report)
 
     assert "Nothing must be redone for a new material." in text
@@ -422,14 +427,14 @@ def pages_of_many(many):
     return pages_of(pdf.write_report(many).read_bytes())
 
 
-def test_of_many_lines_no_page_is_a_heading_alone_and_no_image_is_cut(pages_of_many):
+def test_with_many_lines_no_page_is_a_heading_alone_and_no_image_is_cut(pages_of_many):
     check_filled(pages_of_many)
     check_uncut(pages_of_many)
 
 
 def test_the_checks_notice_crops_of_all_lines(many, monkeypatch):
-    monkeypatch.setattr(pdf, "best_few", lambda group, _: middle_budgets(group))
-    monkeypatch.setattr(pdf, "_plots", lambda *_: ([], []))
+    monkeypatch.setattr(pdf, "choose_best_few", lambda group, _: choose_middle_budgets(group))
+    monkeypatch.setattr(pdf, "_arrange_plots", lambda *_: ([], []))
     pages = pages_of(pdf.write_report(many).read_bytes())
 
     for check in (check_filled, check_uncut):
@@ -476,7 +481,7 @@ def test_a_report_of_many_conditions_stays_short(pages_of_many):
     assert text.index("Appendix B: Plots of the other conditions") < text.rindex("against costs")
 
 
-def test_a_sole_method_is_named_once_in_a_key(pages_of_many):
+def test_a_single_method_is_named_once_in_a_key(pages_of_many):
     keys = [page["text"] for page in pages_of_many if "regular_sampling (levels)" in page["text"]]
 
     assert any("shading time [ms]" in text and "l17" in text for text in keys)
@@ -484,7 +489,7 @@ def test_a_sole_method_is_named_once_in_a_key(pages_of_many):
         assert "regular_sampling (levels l" not in text
 
 
-def test_along_a_swept_parameter_one_condition_stands_for_many(imageless, tmp_path, monkeypatch):
+def test_along_a_swept_parameter_one_condition_is_shown_for_many(imageless, tmp_path, monkeypatch):
     monkeypatch.setattr(pdf, "MANY_PLACES", 2)
 
     text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())

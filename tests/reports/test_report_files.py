@@ -1,4 +1,4 @@
-"""What a report writes and removes beside its page: what is its own, and nothing that a stranger planted."""
+"""The files that a report writes and removes next to its page: only its own files."""
 
 import json
 import os
@@ -19,21 +19,21 @@ PLANTED = 'document.documentElement.setAttribute("data-planted", "1");'
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Results and a page whose images lie beside it."""
+    """Results, and a page whose images are files next to it."""
     folder = write_results(tmp_path_factory.mktemp("made") / "discs", budgets=(4,))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(payload, "INLINE", 0)
-        patch.setattr(style, "svg", lambda *_: "")
+        patch.setattr(style, "to_svg", lambda *_: "")
         html.write_report(folder)
     return folder
 
 
 @pytest.fixture(autouse=True)
 def beside(monkeypatch):
-    """Images lie beside the page; nothing is drawn, which takes most of the time."""
+    """Images are files next to the page; nothing is drawn, because that takes most of the time."""
     monkeypatch.setattr(payload, "INLINE", 0)
-    monkeypatch.setattr(style, "svg", lambda *_: "")
-    monkeypatch.setattr(html, "_methods", lambda names: [])
+    monkeypatch.setattr(style, "to_svg", lambda *_: "")
+    monkeypatch.setattr(html, "_describe_methods", lambda names: [])
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def scripts(folder: Path) -> dict[str, str]:
     return {path.name: path.read_text() for path in (folder / "report_images").iterdir()}
 
 
-def test_a_script_that_was_planted_beside_the_page_is_written_over(folder):
+def test_a_script_that_was_planted_next_to_the_page_is_overwritten(folder):
     before = scripts(folder)
     for path in (folder / "report_images").iterdir():
         path.write_text(PLANTED + path.read_text())
@@ -85,7 +85,7 @@ def test_a_folder_of_images_that_is_empty_goes(folder, monkeypatch):
     assert not (folder / "report_images").exists()
 
 
-def test_images_that_somebody_removed_already_are_no_hindrance(folder, monkeypatch):
+def test_images_that_were_removed_already_are_ignored(folder, monkeypatch):
     shutil.rmtree(folder / "report_images")
     monkeypatch.setattr(payload, "INLINE", 10**9)
 
@@ -123,7 +123,7 @@ def test_a_folder_of_images_that_is_a_link_is_not_followed(folder, tmp_path, mon
 
 
 @pytest.mark.parametrize("is_link", [False, True])
-def test_a_page_of_somebody_else_is_not_written_over(folder, tmp_path, is_link):
+def test_a_foreign_page_is_not_overwritten(folder, tmp_path, is_link):
     old = Manifest.read(folder)
     files = {name: checksum for name, checksum in old.files.items() if name != "report.html"}
     Manifest(old.cells, files, old.is_finished).write(folder)
@@ -174,7 +174,7 @@ def test_a_damaged_flip_map_is_made_again(folder, harm):
 def test_a_folder_that_may_only_be_read_is_one_line(folder, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
 
-    with pytest.raises(InputError, match=r"report\.html: cannot be written: the folder may only be read$"):
+    with pytest.raises(InputError, match=r"report\.html: cannot be written: the folder is read-only$"):
         html.write_report(folder)
 
 

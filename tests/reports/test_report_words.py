@@ -1,4 +1,4 @@
-"""What reports say beside their numbers: names, times, words that need a sentence, what they leave out."""
+"""The words of reports: names, times, words that need a sentence, what they leave out."""
 
 import json
 import re
@@ -22,7 +22,7 @@ from oracles.pdf_pages import text_of
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Two lights of one file name, times of two processors with their spread, a tuned bias beside a stated one."""
+    """Two lights of one file name, times of two processors with their spread, a tuned and a stated bias."""
     folder = write_results(tmp_path_factory.mktemp("words") / "discs", budgets=(16, 64))
     cells = pd.read_parquet(folder / "cells.parquet")
     first = cells.reference_key == "ref0"
@@ -49,8 +49,8 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(style, "svg", lambda *_: "")
-        patch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
+        patch.setattr(style, "to_svg", lambda *_: "")
+        patch.setattr(html, "build_payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
         patch.setattr(html, "MOST_ROWS", 10)
         return text_in(html.write_report(folder).read_text(encoding="utf-8"))
 
@@ -58,8 +58,8 @@ def page(folder):
 @pytest.fixture(scope="module")
 def printed(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pdf, "_plots", lambda *_: ([], []))
-        patch.setattr(pdf, "_images", lambda *_: (None, []))
+        patch.setattr(pdf, "_arrange_plots", lambda *_: ([], []))
+        patch.setattr(pdf, "_arrange_images", lambda *_: (None, []))
         patch.setattr(tables, "MOST_ROWS", 10)
         return text_of(pdf.write_report(folder).read_bytes())
 
@@ -68,13 +68,13 @@ def text_in(page):
     return " ".join(re.sub(r"<[^>]+>", " ", re.sub(r"<script.*?</script>", " ", page, flags=re.DOTALL)).split())
 
 
-def test_page_and_print_call_lights_by_what_tells_them_apart(page, printed):
+def test_page_and_print_name_lights_by_what_distinguishes_them(page, printed):
     for text in (page, printed):
         assert "x/probe.exr, kurt, sphere" in text
         assert "y/probe.exr, kurt, sphere" in text
 
 
-def test_page_and_print_tell_what_was_tuned_from_what_was_stated(page, printed):
+def test_page_and_print_distinguish_tuned_options_from_stated_ones(page, printed):
     for text in (page, printed):
         assert "mip_bias tuned by rms" in text
         assert "mip_bias 0.35" in text
@@ -82,10 +82,10 @@ def test_page_and_print_tell_what_was_tuned_from_what_was_stated(page, printed):
 
 def test_page_and_print_say_how_times_were_taken(page, printed):
     for text in (page, printed):
-        assert "Shading times are medians of 5 runs; beside them the fastest and the slowest." in text
-        assert "Cells were timed on 2 processors, so their times do not compare (A: 5 cells; B: 5 cells)." in text
+        assert "Shading times are medians of 5 runs, shown with the fastest and the slowest run." in text
+        assert "Cells were timed on 2 processors, so their times cannot be compared (A: 5 cells; B: 5 cells)." in text
         assert "The machine was busy while 1 of 10 cells were timed" in text
-        assert "up to 43 % of the time" in text
+        assert "used up to 43 % of the processor time" in text
         assert "6.40 3.2 to 51" in text  # ms
 
 
@@ -108,7 +108,7 @@ def test_page_and_print_say_what_they_leave_out(page, printed):
 
 
 def test_the_picture_of_the_page_is_of_the_claim(page):
-    assert "methods with a budget at 16 samples: of all that the claim “At 16” is about" in page
+    assert "methods with a budget at 16 samples: the condition of the claim “At 16” in which" in page
 
 
 def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
@@ -123,12 +123,12 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
     def over(name, **options):
         cells.assign(**options).to_parquet(tmp_path / "cells.parquet")
-        return AxisOption().asked(Report.of(Results.open(tmp_path)), {}, name).name
+        return AxisOption().asked(Report.from_results(Results.open(tmp_path)), {}, name).name
 
     alike = {"view_options": '{"resolution": 64}'}
     assert over("m", **alike) == over("material.m", **alike) == "material.m"
     assert over("samples", **alike) == "samples"
-    with pytest.raises(InputError, match="sweeps no 'beta'"):
+    with pytest.raises(InputError, match="does not sweep 'beta'"):
         over("beta", **alike)
     both = [json.dumps((read := json.loads(text)) | {"m": read.get("samples", 1)}) for text in cells.options]
     with pytest.raises(InputError, match=r"--over m may mean method\.m or material\.m: say which"):
@@ -138,8 +138,8 @@ def test_a_short_name_is_enough_for_what_a_figure_is_over(folder, tmp_path):
 
 def test_a_line_of_the_page_has_the_colour_of_its_method(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(style, "svg", lambda *_: "")
-        patch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
+        patch.setattr(style, "to_svg", lambda *_: "")
+        patch.setattr(html, "build_payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
         data = data_of(html.write_report(folder).read_text(encoding="utf-8"))
 
     labels = labels_of(data)

@@ -27,8 +27,8 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def text_only(monkeypatch):
     """Drawing and the viewer's images take most of the time of a report; a check of text or of pictures needs none."""
-    monkeypatch.setattr(style, "svg", lambda *_: "")
-    monkeypatch.setattr(html, "payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
+    monkeypatch.setattr(style, "to_svg", lambda *_: "")
+    monkeypatch.setattr(html, "build_payload", lambda *_: payload.Payload(Markup("{}"), {}, frozenset()))
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def page(folder):
     return html.write_report(folder).read_text(encoding="utf-8")
 
 
-def test_report_is_one_file_that_asks_for_nothing_else(page):
+def test_the_report_is_one_file_that_loads_nothing_else(page):
     sources = re.findall(r'(?:src|href)="([^"]{5})', page)
 
     assert {s if s.startswith("data:") else s[0] for s in sources} == {"data:", "#"}
@@ -50,14 +50,14 @@ def test_same_results_give_the_same_bytes(folder, page):
 
 
 def test_a_second_page_makes_no_flip_map_again(folder, page, monkeypatch):
-    monkeypatch.setattr(payload, "_flip", lambda *_: pytest.fail("made again"))
+    monkeypatch.setattr(payload, "_compute_flip", lambda *_: pytest.fail("made again"))
 
     assert html.write_report(folder).read_text(encoding="utf-8") == page
 
 
 def test_a_kept_map_is_the_one_that_is_shown(folder, page, monkeypatch):
     """Twin of the above: another map on disk is another page."""
-    monkeypatch.setattr(payload, "_flip", lambda *_: pytest.fail("made again"))
+    monkeypatch.setattr(payload, "_compute_flip", lambda *_: pytest.fail("made again"))
     path = next((folder / "images").glob("*_flip_1.npz"))
     content = path.read_bytes()
     np.savez_compressed(path, steps=np.zeros((N, N), np.uint16))
@@ -81,7 +81,7 @@ def test_text_of_a_study_is_escaped(page):
 def test_escape_check_notices_a_template_that_does_not_escape(folder, monkeypatch, text_only):
     plain = html.Environment
     monkeypatch.setattr(html, "Environment", lambda **options: plain(**options | {"autoescape": False}))
-    monkeypatch.setattr(html, "_templates", html._templates.__wrapped__)  # past its cache
+    monkeypatch.setattr(html, "_load_templates", html._load_templates.__wrapped__)  # past its cache
 
     with pytest.raises(AssertionError):
         check_escaped(html.write_report(folder).read_text(encoding="utf-8"))
@@ -98,16 +98,20 @@ def test_error_maps_are_centred_on_zero_and_share_one_scale(folder, page):
 
 
 def test_scale_check_notices_a_scale_per_image(folder, monkeypatch, text_only):
-    error_map = raster.error_map
-    monkeypatch.setattr(raster, "error_map", lambda e, mask, _, *how: error_map(e, mask, np.abs(e[mask]).max(), *how))
+    error_map = raster.draw_error_map
+    monkeypatch.setattr(
+        raster, "draw_error_map", lambda e, mask, _, *how: error_map(e, mask, np.abs(e[mask]).max(), *how)
+    )
 
     with pytest.raises(AssertionError):
         check_one_scale(folder, html.write_report(folder).read_text(encoding="utf-8"))
 
 
 def test_scale_check_notices_a_scale_that_is_not_centred(folder, monkeypatch, text_only):
-    error_map = raster.error_map
-    monkeypatch.setattr(raster, "error_map", lambda e, mask, limit, *how: error_map(e + 0.1 * limit, mask, limit, *how))
+    error_map = raster.draw_error_map
+    monkeypatch.setattr(
+        raster, "draw_error_map", lambda e, mask, limit, *how: error_map(e + 0.1 * limit, mask, limit, *how)
+    )
 
     with pytest.raises(AssertionError):
         check_one_scale(folder, html.write_report(folder).read_text(encoding="utf-8"))
@@ -162,24 +166,24 @@ def test_a_report_of_many_cells_stays_small(tmp_path, monkeypatch, text_only):
 def test_an_infinite_error_is_the_end_of_the_scale():
     error, mask = np.array([[0.0, 1.0, np.inf]]), np.array([[True, True, True]])
 
-    limit = raster.error_limit([error])
-    shown = Image.open(io.BytesIO(raster.error_map(error, mask, limit, signed=False)))
+    limit = raster.find_error_limit([error])
+    shown = Image.open(io.BytesIO(raster.draw_error_map(error, mask, limit, signed=False)))
 
     assert limit == pytest.approx(1, rel=0.01)
     assert np.asarray(shown)[0].tolist() == [0, 254, 254]
 
 
-def test_one_image_far_off_does_not_take_the_colours_of_the_others():
+def test_one_image_of_large_error_does_not_flatten_the_colours_of_the_others():
     small, large = np.full((4, 4), 0.1), np.full((4, 4), 50.0)
 
-    assert raster.middle_limit([small, large, 2 * small]) == pytest.approx(0.2)
-    assert raster.middle_limit([large, small]) == pytest.approx(0.1)
+    assert raster.find_middle_limit([small, large, 2 * small]) == pytest.approx(0.2)
+    assert raster.find_middle_limit([large, small]) == pytest.approx(0.1)
 
 
 def test_unsigned_maps_brighten_from_black_without_a_turn():
     ramp = np.linspace(0, 1, 255)[None]
 
-    shown = Image.open(io.BytesIO(raster.error_map(ramp, ramp >= 0, 1.0, signed=False)))
+    shown = Image.open(io.BytesIO(raster.draw_error_map(ramp, ramp >= 0, 1.0, signed=False)))
 
     brightness = np.asarray(shown.convert("L")).astype(int)[0]
     assert brightness[0] < 3
@@ -190,7 +194,7 @@ def test_unsigned_maps_brighten_from_black_without_a_turn():
 def test_too_bright_is_red_too_dark_is_blue_and_right_is_neutral():
     error = np.array([[-1.0, 0.0, 1.0, 5.0]])
 
-    shown = Image.open(io.BytesIO(raster.error_map(error, np.array([[True, True, True, False]]), 2.0)))
+    shown = Image.open(io.BytesIO(raster.draw_error_map(error, np.array([[True, True, True, False]]), 2.0)))
 
     blue, neutral, red, outside = np.asarray(shown.convert("RGBA")).astype(int)[0]
     assert blue[2] > blue[0] + 50
@@ -202,7 +206,7 @@ def test_too_bright_is_red_too_dark_is_blue_and_right_is_neutral():
 def test_picture_follows_the_srgb_curve_at_the_stated_exposure():
     grey = np.full((2, 2, 3), 0.36)
 
-    shown = Image.open(io.BytesIO(raster.picture(grey, np.ones((2, 2), bool), 0.5)))
+    shown = Image.open(io.BytesIO(raster.draw_picture(grey, np.ones((2, 2), bool), 0.5)))
 
     assert np.asarray(shown)[0, 0].tolist() == [118, 118, 118, 255]  # IEC 61966-2-1 of 0.18
 
@@ -212,11 +216,11 @@ def test_large_images_are_averaged_over_the_surface_alone():
     mask = np.hypot(*(np.mgrid[:300, :400] - 150)) < 140
     image = rng.random((300, 400, 3)) * mask[..., None]
 
-    small, share = raster.downscaled(image, mask)
+    small, share = raster.downscale(image, mask)
 
     assert small.shape == (192, 256, 3)
     assert np.average(small, axis=(0, 1), weights=share) == pytest.approx(image[mask].mean(axis=0), rel=1e-12)
-    constant, share = raster.downscaled(np.ones((300, 400, 3)), mask)
+    constant, share = raster.downscale(np.ones((300, 400, 3)), mask)
     assert constant[share > 0] == pytest.approx(1, rel=1e-12)  # black background does not darken the rim
 
 
@@ -239,7 +243,7 @@ def check_areas():
     blocks = (np.kron(each, np.ones((2, 2))).reshape(6, 3, 4, 3) for each in (mask, *np.moveaxis(image, 2, 0) * mask))
     expected_share, *expected = (block.mean(axis=(1, 3)) for block in blocks)
 
-    small, share = raster.downscaled(image, mask, 6)
+    small, share = raster.downscale(image, mask, 6)
 
     assert share == pytest.approx(expected_share, rel=1e-12)
     assert small * share[..., None] == pytest.approx(np.dstack(expected), rel=1e-12)
@@ -248,7 +252,7 @@ def check_areas():
 def test_an_image_that_is_small_enough_stays_as_it_is():
     image, mask = np.random.default_rng(2).random((9, 6, 3)), np.ones((9, 6), bool)
 
-    small, share = raster.downscaled(image, mask, 9)
+    small, share = raster.downscale(image, mask, 9)
 
     assert np.array_equal(small, image)
     assert np.array_equal(share, mask)
@@ -259,7 +263,7 @@ def test_cell_at_the_noise_floor_has_no_number(page):
 
     assert len(rows) == 2
     assert all("filtered_importance_sampling" in row and "RMS ≤ 0.0040" in row for row in rows)
-    assert style.number(1.7 * NOISE) not in "".join(rows)
+    assert style.format_number(1.7 * NOISE) not in "".join(rows)
 
 
 def test_skipped_and_failed_cells_are_in_the_table_with_their_reasons(page):
@@ -267,7 +271,7 @@ def test_skipped_and_failed_cells_are_in_the_table_with_their_reasons(page):
     assert page.count("Traceback (most recent call last):") == 2
 
 
-def test_each_verdict_is_said_in_words(page):
+def test_each_verdict_is_written_in_words(page):
     assert re.findall(r'<span class="badge [\w-]+">. ([\w ]+)</span>', page) == [verdict for _, verdict in CLAIMS]
 
 
@@ -281,7 +285,7 @@ def test_best_of_a_group_is_marked(tmp_path):
 
     best = cells[cells.status == "done"].groupby("reference_key").rms.min()
     for rms in best:
-        assert f"<strong>{style.number(rms)}</strong>" in page
+        assert f"<strong>{style.format_number(rms)}</strong>" in page
 
 
 def test_slope_is_fitted_through_resolved_points():
@@ -290,7 +294,7 @@ def test_slope_is_fitted_through_resolved_points():
     rms[-1] = 0.1  # held up by the reference's noise
 
     def line(k, at_floor):
-        return lines.Measured(
+        return lines.MeasuredLine(
             axes.Label("m", 0, 0, "#000000"), n[:k], {"shade": n[:k]}, rms[:k], np.array(at_floor[:k])
         )
 
@@ -299,17 +303,18 @@ def test_slope_is_fitted_through_resolved_points():
     assert line(2, [False] * 2).slope() is None
 
 
-def test_of_many_cells_each_line_shows_three_budgets_then_one():
+def test_with_many_cells_each_line_shows_three_budgets_then_one():
     cells = [Cell({"method": m, "n_samples": n, "status": "done"}, "", i)
              for i, m in enumerate("abc") for n in range(9)]  # fmt: skip
     group = Group("", {}, cells, {}, {})
 
     def shown(most):
         return [
-            [(cell.row["method"], cell.row["n_samples"]) for cell in of] for of in selection.chosen([group] * 2, most)
+            [(cell.row["method"], cell.row["n_samples"]) for cell in of]
+            for of in selection.choose_cells([group] * 2, most)
         ]
 
-    assert selection.chosen([group] * 2, 54) == [cells, cells]
+    assert selection.choose_cells([group] * 2, 54) == [cells, cells]
     assert shown(53) == [[(m, n) for m in "abc" for n in (0, 4, 8)]] * 2
     assert shown(17) == [[(m, 8) for m in "abc"]] * 2
     assert shown(1) == [[("a", 8)]] * 2  # at least one of each light, material and view
@@ -325,7 +330,7 @@ def test_results_without_a_single_image_make_a_report(tmp_path):
 
     assert page.count("Traceback (most recent call last):") == 2
     assert page.count("<img") == page.count('<img class="equation"')
-    assert "No cell was done" in page
+    assert "No cell is done" in page
 
 
 @pytest.mark.parametrize(
@@ -334,7 +339,7 @@ def test_results_without_a_single_image_make_a_report(tmp_path):
      (0.9996, "1.00"), (65536.0, "65536"), (3.1e7, "3.10×10⁷")],
 )  # fmt: skip
 def test_numbers_have_three_digits(value, text):
-    assert style.number(value) == text
+    assert style.format_number(value) == text
 
 
 def images_of(kind, page):

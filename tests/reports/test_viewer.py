@@ -34,7 +34,7 @@ PAINTERS = ("plain", "webgl2")
 def without_plots():
     """Drawing takes most of the time of a report, and no one looks at it here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(style, "svg", lambda *_: "")
+        patch.setattr(style, "to_svg", lambda *_: "")
         yield
 
 
@@ -94,7 +94,7 @@ def on_canvas(page, pane=0):
     y, x = np.mgrid[:N, :N]
     x0, y0 = (np.floor(corner + 0.5) for corner in (x0, y0))  # images begin at whole pixels of the screen
     column, row = x0 + scale * (x + 0.5), y0 + scale * (y + 0.5)
-    margin = 2  # the border of A and B is drawn over the pixels beside it
+    margin = 2  # the border of A and B is drawn over the neighbouring pixels
     seen = (column > left + margin) & (column < left + width - margin) & (row > top) & (row < top + height)
     # The handle of the border hides a disc, and so does its line.
     handle = page.do(
@@ -274,7 +274,7 @@ def test_values_of_pixels_are_written_on_them_when_zoomed_in(page, folder):
     image = truth(folder, 1)
     numbers = page.text(".viewer-readout")
 
-    expected = " ".join(style.number(float(np.float16(v))) for v in image.x[21, 20])
+    expected = " ".join(style.format_number(float(np.float16(v))) for v in image.x[21, 20])
     assert numbers.startswith(f"pixel 20, 21 · regular_sampling {expected} · reference ")
     of_ink = (
         "(c => c.getContext('2d').getImageData(0, 100, c.width, 300).data.filter((v, i) => i % 4 === 3 && v).length)"
@@ -334,7 +334,7 @@ def planted(old, new):
     """Pages whose scripts have this fault, under the hashes of the scripts that they are."""
 
     def module(names):
-        script = scripts.module(names)
+        script = scripts.join_module(names)
         source = script.source.replace(old, new)
         return script if source == script.source else scripts.Script(source, hash_of(source))
 
@@ -360,7 +360,7 @@ FAULTS = {
 @pytest.mark.parametrize(("old", "new", "mode"), FAULTS.values(), ids=FAULTS)
 def test_the_checks_notice(old, new, mode, browser, folder, tmp_path, monkeypatch):
     shutil.copytree(folder, tmp_path / "faulty")
-    monkeypatch.setattr(html, "module", planted(old, new))
+    monkeypatch.setattr(html, "join_module", planted(old, new))
     html.write_report(tmp_path / "faulty")
     assert new in (tmp_path / "faulty" / "report.html").read_text()
 
@@ -376,7 +376,7 @@ def test_the_checks_notice_an_error_that_webgl_gets_wrong(name, browser, folder,
     faults = {"signed": ("vec3 d = x.rgb - y;", "vec3 d = y - x.rgb;"), "relative": ("abs(y) + epsilon", "abs(y)")}
     old, new = faults[name]
     shutil.copytree(folder, tmp_path / "faulty")
-    monkeypatch.setattr(html, "module", planted(old, new))
+    monkeypatch.setattr(html, "join_module", planted(old, new))
     html.write_report(tmp_path / "faulty")
 
     with opened(browser, tmp_path / "faulty", "webgl2") as page:
@@ -456,7 +456,7 @@ def test_without_webgl2_images_are_drawn_all_the_same_and_the_page_says_so(brows
         assert page.complaints() == []
 
 
-def test_zooming_colours_no_image_anew(browser, folder):
+def test_zooming_colours_no_image_again(browser, folder):
     script = """
         const context = CanvasRenderingContext2D.prototype, put = context.putImageData;
         globalThis.coloured = 0;
@@ -485,7 +485,7 @@ def beside(folder, tmp_path, monkeypatch):
     return tmp_path / "large"
 
 
-def test_large_images_are_files_beside_the_page(beside, folder, browser):
+def test_large_images_are_files_next_to_the_page(beside, folder, browser):
     files = sorted((beside / "report_images").iterdir())
 
     with opened(browser, beside) as page:
@@ -506,7 +506,7 @@ def test_a_lost_image_file_is_named(beside, browser):
         page.wait("glossbenchViewer.panes?.every(({image}) => image?.problem)")
 
         problem = page.do("glossbenchViewer.panes[0].image.problem")
-        assert re.fullmatch(r"report_images/\w{20}\.js is missing: keep that folder beside this page", problem)
+        assert re.fullmatch(r"report_images/\w{20}\.js is missing: keep that folder next to this page", problem)
 
 
 def test_image_files_of_an_older_page_are_removed(beside, folder, monkeypatch):
@@ -560,7 +560,7 @@ def test_packed_bytes_say_all_of_random_bits():
     rng = np.random.default_rng(3)
     planes = rng.integers(0, 0x7C00, (4, 5, 7)).astype(np.uint16).view(np.float16)
 
-    data = np.frombuffer(zlib.decompress(payload.packed(planes)), np.uint8).astype(np.int64)
+    data = np.frombuffer(zlib.decompress(payload.pack(planes)), np.uint8).astype(np.int64)
 
     folded = (256 * data[: planes.size] + data[planes.size :]).reshape(planes.shape)
     bits = np.where(folded & 1, -(folded >> 1) - 1, folded >> 1)
@@ -572,7 +572,7 @@ def test_packed_bytes_say_all_of_random_bits():
 def test_what_a_half_float_cannot_hold_is_its_largest():
     radiance = np.array([[[1e9, -1e9, np.nan], [np.inf, 65504.0, 1e-9]]])
 
-    planes = payload._halves(radiance, np.ones((1, 2)))
+    planes = payload._to_halves(radiance, np.ones((1, 2)))
 
     assert planes[:, 0, :].T.tolist() == [[65504.0, -65504.0, 0.0, 1.0], [65504.0, 65504.0, 0.0, 1.0]]
 
@@ -583,7 +583,7 @@ def test_a_reduced_flip_map_is_near_the_full_one():
     image = np.roll(reference, 4, axis=1)
     mask = np.hypot(x - 0.5, y - 0.5) < 0.45
 
-    full, half = (payload._flip(image * mask[..., None], reference * mask[..., None], mask, n) for n in (1, 2))
+    full, half = (payload._compute_flip(image * mask[..., None], reference * mask[..., None], mask, n) for n in (1, 2))
 
     assert half.shape == full.shape
     assert np.corrcoef(full[mask], half[mask])[0, 1] > 0.99  # measured: 0.997
@@ -627,7 +627,7 @@ def test_two_fingers_zoom_and_one_scrolls_the_page_until_zoomed_in(browser, fold
 def test_the_check_of_fingers_notices_a_page_that_they_cannot_scroll(browser, folder, tmp_path, monkeypatch):
     shutil.copytree(folder, tmp_path / "faulty")
     monkeypatch.setattr(
-        html, "module", planted("touchAction = this.state.zoom === null", "touchAction = this.state.zoom === 0")
+        html, "join_module", planted("touchAction = this.state.zoom === null", "touchAction = this.state.zoom === 0")
     )
     html.write_report(tmp_path / "faulty")
 

@@ -16,7 +16,7 @@ from glossbench.run.attempts import Attempt
 from glossbench.run.executor import Executor
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
-from glossbench.run.study_lights import Changed
+from glossbench.run.study_lights import ChangedInput
 from glossbench.shading.method import METHODS, Method
 from glossbench.study.study import load_study
 
@@ -44,7 +44,7 @@ class Shown(Method):
 
 
 class Gone(Light):
-    """A light that is none."""
+    """An invalid light."""
 
     name = "gone"
 
@@ -53,7 +53,7 @@ class Gone(Light):
 
 
 class Odd(Metric):
-    """A metric that is none."""
+    """An invalid metric."""
 
     name = "odd"
     formula = unit = "1"
@@ -99,7 +99,7 @@ def killed(study_of, tmp_path, monkeypatch):
             with pytest.raises(KeyboardInterrupt):
                 run_study(study_of(), tmp_path / "r")
         [(path, mark)] = marks
-        assert not path.parent.exists()  # an interrupt is no end of that kind
+        assert not path.parent.exists()  # an interrupt does not count
         path.parent.mkdir()
         path.write_text(json.dumps(mark | {"times": times, "pid": pid}))
         return run_study(study_of(), tmp_path / "r", **arguments).cells
@@ -121,7 +121,7 @@ def test_a_cell_that_ended_the_process_twice_is_passed_over_and_the_next_is_made
     assert not (tmp_path / "r" / "begun").exists()
 
 
-def test_it_stays_passed_over_until_it_is_asked_for(killed, study_of, tmp_path):
+def test_it_is_skipped_until_it_is_requested(killed, study_of, tmp_path):
     killed(2)
 
     kept = run_study(study_of(), tmp_path / "r").cells
@@ -132,7 +132,7 @@ def test_it_stays_passed_over_until_it_is_asked_for(killed, study_of, tmp_path):
     assert list(again["status"]) == list(after["status"]) == ["done"] * 3
 
 
-def test_a_mark_of_another_run_that_goes_on_does_not_count(killed):
+def test_a_mark_of_another_running_run_does_not_count(killed):
     assert list(killed(2, pid=os.getppid())["status"]) == ["done"] * 3
 
 
@@ -162,7 +162,7 @@ def test_a_light_that_is_another_thing_fails_its_own_cells_alone(study_of, tmp_p
     assert "cubemap must return a CubeMap of float32, got 7" in cells["reason"][0]
 
 
-def test_a_metric_that_is_no_number_fails_the_cells_with_its_name(study_of, tmp_path):
+def test_a_metric_that_is_not_a_number_fails_the_cells_with_its_name(study_of, tmp_path):
     cells = run_study(study_of(metrics="[rms, odd]"), tmp_path / "r").cells
 
     assert list(cells["status"]) == ["failed"] * 3
@@ -177,7 +177,7 @@ def test_a_light_that_is_replaced_in_mid_run_stops_it_and_each_image_lies_under_
     def replace(row):
         write_exr(tmp_path / "b.exr", torch.full((4, 8, 3), 9.0))
 
-    with pytest.raises(Changed, match=r"b\.exr: has changed while the study ran; run it again$"):
+    with pytest.raises(ChangedInput, match=r"b\.exr: has changed while the study ran; run it again$"):
         run_study(study, tmp_path / "r", progress=Progress(cell=replace))
     cells = run_study(study, tmp_path / "r").cells
 
@@ -185,7 +185,7 @@ def test_a_light_that_is_replaced_in_mid_run_stops_it_and_each_image_lies_under_
     assert means[3] / means[0] == pytest.approx(9, rel=0.2)
 
 
-def test_an_option_called_samples_is_no_budget_unless_the_method_says_so(study_of, tmp_path):
+def test_an_option_called_samples_is_a_budget_only_if_the_method_says_so(study_of, tmp_path):
     cells = run_study(study_of(), tmp_path / "r").cells
 
     assert list(cells["budget"]) == [""] * 3
@@ -202,7 +202,7 @@ def ended(study_of, tmp_path, monkeypatch):
         monkeypatch.setattr("glossbench.run.cell_keys.TRIES", tries)
         executor = Executor(study_of(), Results(tmp_path / "r"), Progress())
         executor.results.create()
-        known = {cell.method.level: executor.keys.of(cell).spelled for cell in cells}
+        known = {cell.method.level: executor.keys.identify(cell).spelled for cell in cells}
         (tmp_path / "r" / "begun").mkdir()
         for level, n in times.items():
             mark = {"times": n, "host": socket.gethostname(), "pid": DEAD}
@@ -218,7 +218,7 @@ def ended(study_of, tmp_path, monkeypatch):
     return run
 
 
-def test_what_ended_the_process_most_often_comes_last_and_stands_at_its_place(ended):
+def test_what_ended_the_process_most_often_comes_last_but_keeps_its_place_in_the_table(ended):
     order, cells = ended({1: 2, 2: 1}, tries=5)
 
     assert order == [3, 2, 1]
@@ -233,7 +233,7 @@ def test_a_cell_without_plug_ins_is_tried_more_often(ended, monkeypatch):
 
 @pytest.mark.skipif(os.name != "posix", reason="no such signals")
 @pytest.mark.parametrize("number", ["SIGTERM", "SIGHUP"])
-def test_a_run_that_is_asked_to_end_is_interrupted_and_leaves_no_mark(study_of, tmp_path, monkeypatch, number):
+def test_a_terminated_run_is_interrupted_and_leaves_no_mark(study_of, tmp_path, monkeypatch, number):
     def shade(self, points):
         os.kill(os.getpid(), getattr(signal, number))
         return torch.ones(len(points), 3)

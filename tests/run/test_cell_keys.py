@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from glossbench import source_tree
-from glossbench.provenance import code_hash
+from glossbench.provenance import compute_code_hash
 from glossbench.run.cell_keys import CellKeys
 from glossbench.run.results import Results
 from glossbench.run.study_lights import StudyLights
@@ -52,12 +52,12 @@ def keys(copy, study, tmp_path, monkeypatch):
 
     def keys():
         monkeypatch.setattr(source_tree, "GLOSSBENCH", SourceTree("glossbench", copy))
-        code_hash.cache_clear()
+        compute_code_hash.cache_clear()
         found = CellKeys(study, Results(tmp_path), StudyLights("cpu", tmp_path), lambda cell, key: nullcontext())
-        return {(cell.material.name, cell.method.name): found.of(cell).key for cell in study.cells()}
+        return {(cell.material.name, cell.method.name): found.identify(cell).key for cell in study.cells()}
 
     yield keys
-    code_hash.cache_clear()
+    compute_code_hash.cache_clear()
 
 
 @contextmanager
@@ -117,8 +117,12 @@ def test_a_comment_makes_new_only_the_cells_that_use_its_file(file, copy, keys):
 
 
 FAULTS = {
-    "the whole façade": ("_defining", lambda self, imported: iter([imported.module]), "prefilter/median_cut.py"),
-    "no depth": ("_needs", lambda self, module, file: (), "envmap/cubemap.py"),
+    "the whole façade": (
+        "_find_definitions",
+        lambda self, imported: iter([imported.module]),
+        "prefilter/median_cut.py",
+    ),
+    "no depth": ("_find_needs", lambda self, module, file: (), "envmap/cubemap.py"),
 }
 
 
@@ -131,7 +135,7 @@ def test_the_check_notices_a_closure_that_follows(fault, copy, keys, monkeypatch
 
 
 def test_the_check_notices_a_key_without_the_parts_of_a_sum(copy, keys, monkeypatch):
-    monkeypatch.setattr("glossbench.brdf.mixture.source_hash", lambda cls: "")
+    monkeypatch.setattr("glossbench.brdf.mixture.compute_source_hash", lambda cls: "")
 
     assert made_new(keys, copy / "brdf/phong.py") == set()
 
@@ -144,7 +148,7 @@ def test_the_metric_of_tuning_and_rms_are_part_of_a_key(study, tmp_path):
     metrics = {
         name: [metric for metric, *_ in CellKeys(
             study, Results(tmp_path), StudyLights("cpu", tmp_path), lambda cell, key: nullcontext()
-        ).sources.of(cell)["metrics"]] for name, cell in by_method.items()
+        ).sources.list_by_kind(cell)["metrics"]] for name, cell in by_method.items()
     }  # fmt: skip
 
     assert metrics["many_lights"] == ["mean_error", "rms"]

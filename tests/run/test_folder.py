@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from glossbench.atomic import replacing
-from glossbench.errors import CannotWrite, InputError
+from glossbench.errors import InputError, WriteError
 from glossbench.run.manifest import KEPT, SUMMARY
 from glossbench.run.results import AGAIN, Results
 from glossbench.run.runner import Progress, run_study
-from glossbench.strict_json import numbers, sealed, unsealed
+from glossbench.strict_json import restore_numbers, seal, unseal
 from oracles.flat_studies import Flat, interrupting, registered, remains, study_in
 
 STUDY = {
@@ -198,7 +198,7 @@ def full(monkeypatch, ending: str) -> None:
 
         def __enter__(self) -> Path:
             if self.path.name.endswith(ending):
-                raise CannotWrite(self.path, "No space left on device")
+                raise WriteError(self.path, "No space left on device")
             return self.context.__enter__()
 
         def __exit__(self, *error: object) -> object:
@@ -211,11 +211,11 @@ def full(monkeypatch, ending: str) -> None:
 @pytest.mark.parametrize(
     "ending", ["_standard_error.exr", "_deviates.npz", "_mask.png", "_half_vectors.npy", "cells.parquet"]
 )
-def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_goes_on(made, tmp_path, ending):
+def test_a_full_disk_stops_the_run_fails_no_cell_and_the_run_continues_later(made, tmp_path, ending):
     study, _, expected = made
     with pytest.MonkeyPatch.context() as patch:
         full(patch, ending)
-        with pytest.raises(CannotWrite, match=r"cannot be written: No space left on device$"):
+        with pytest.raises(WriteError, match=r"cannot be written: No space left on device$"):
             run_study(study, tmp_path / "r")
     states = [json.loads(path.read_text())["status"] for path in (tmp_path / "r" / "cells").iterdir()]
 
@@ -230,7 +230,7 @@ def test_a_limit_on_the_size_of_files_is_one_line(tmp_path):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (16384, before[1]))
     try:
-        with pytest.raises(CannotWrite, match=r"r/references/\S+: cannot be written: .*[Ff]ile too large"):
+        with pytest.raises(WriteError, match=r"r/references/\S+: cannot be written: .*[Ff]ile too large"):
             run_study(study_in(tmp_path, view="{sphere: {resolution: 64}}"), tmp_path / "r")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
@@ -243,7 +243,7 @@ def test_a_method_that_cannot_write_elsewhere_fails_its_cell_alone(tmp_path, mon
     """Twin of the above."""
 
     def shade(*arguments: object) -> None:
-        raise CannotWrite(tmp_path / "elsewhere", "No space left on device")
+        raise WriteError(tmp_path / "elsewhere", "No space left on device")
 
     monkeypatch.setattr(Flat, "shade", shade)
 
@@ -260,7 +260,7 @@ def read_all(results: Results) -> None:
 
 
 @pytest.mark.parametrize("name", ["study.yaml", "cells.parquet", "provenance.json", "claims.json"])
-def test_a_file_of_somebody_else_stops_the_run_before_it_writes(made, tmp_path, name):
+def test_a_foreign_file_stops_the_run_before_it_writes(made, tmp_path, name):
     home = tmp_path / "home"
     home.mkdir()
     (home / name).write_text("precious")
@@ -335,7 +335,7 @@ def test_a_pipe_among_results_is_refused(folder):
 def test_a_folder_that_may_only_be_read_stops_the_run_and_is_read(made, folder, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
 
-    with pytest.raises(InputError, match=r"r: it may only be read; name another folder by -o$"):
+    with pytest.raises(InputError, match=r"r: it is read-only; choose another folder with -o$"):
         run_study(made[0], folder)
 
     assert len(Results.open(folder).cells) == 3
@@ -349,7 +349,7 @@ def test_a_part_of_a_study_leaves_the_fuller_results(made, folder):
 
     said = said_by(study.only(["flat"]), folder)
 
-    assert said == [f"{folder} keeps what else it has of this study: method regular_sampling"]
+    assert said == [f"{folder} keeps its other results of this study: method regular_sampling"]
     assert remains(folder) == expected
 
 
@@ -391,14 +391,14 @@ def test_results_that_another_study_would_lose_are_not_written_over(folder, tmp_
     before = everything(folder)
     study = study_in(tmp_path, **{**STUDY, "claims": "[]", **change})
 
-    with pytest.raises(InputError, match=rf"that would be lost: .*{lost}.*; name another folder by -o$"):
+    with pytest.raises(InputError, match=rf"that would be lost: .*{lost}.*; choose another folder with -o$"):
         run_study(study, folder)
 
     assert everything(folder) == before
 
 
 def test_results_of_another_seed_are_not_written_over(made, folder):
-    with pytest.raises(InputError, match=r"that would be lost: .*seed 0; name another folder by -o$"):
+    with pytest.raises(InputError, match=r"that would be lost: .*seed 0; choose another folder with -o$"):
         run_study(made[0].with_seed(5), folder)
 
 
@@ -447,22 +447,22 @@ def test_results_without_a_single_cell_say_so(made, tmp_path):
 def test_json_is_standard_and_numbers_come_back():
     row = {"a": float("nan"), "b": float("inf"), "c": -float("inf"), "d": 0.1 + 0.2, "e": "text", "f": True}
 
-    text = sealed(row)
+    text = seal(row)
 
     def refuse(word: str) -> None:
         raise ValueError(word)
 
     assert json.loads(text, parse_constant=refuse)["a"] is None
-    again = numbers(unsealed(text))
+    again = restore_numbers(unseal(text))
     assert repr(again) == repr(row)
 
 
 @pytest.mark.parametrize("change", [("0.1", "0.2"), ('"x"', '"y"'), ("}", ""), ("{", "[{")])
 def test_sealed_json_notices_a_change(change):
-    text = sealed({"a": 0.1, "b": "x"})
+    text = seal({"a": 0.1, "b": "x"})
 
     with pytest.raises(ValueError, match=r"its checksum|not a mapping|delimiter|Expecting"):
-        unsealed(text.replace(*change, 1))
+        unseal(text.replace(*change, 1))
 
 
 def test_a_failed_cell_is_standard_json(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Plug-ins that misbehave: their cell fails with a reason, the run goes on, and no other cell notices."""
+"""Plug-ins that misbehave: their cell fails with a reason, the run continues, and no other cell changes."""
 
 import json
 import os
@@ -112,7 +112,7 @@ def maker(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Study]
 
 
 def decent_cells(folder: Path) -> list[tuple[Any, ...]]:
-    """Columns, but for times, and the image of each decent cell; keys differ with the plug-in's source."""
+    """Columns, except times, and the image of each decent cell; keys differ with the plug-in's source."""
     results = Results(folder)
     cells = results.cells
     images = [(folder / "images" / f"{key}.exr").read_bytes() for key in cells["key"][cells["method"] == "decent"]]
@@ -185,8 +185,8 @@ def test_a_stage_that_writes_into_another_stage_is_named(study_of, tmp_path, und
 def test_without_the_check_the_others_would_be_wrong(study_of, tmp_path, undisturbed, monkeypatch):
     """Twin of the above: the counters of tensors unread, and the cell after the hostile one is another."""
     study = study_of("pyramid.texels.zero_()")
-    monkeypatch.setattr("glossbench.shading.stage_cache.tensors_in", lambda value: iter(()))
-    monkeypatch.setattr("glossbench.shading.stage_cache.digest_of", lambda *values: 0)
+    monkeypatch.setattr("glossbench.shading.stage_cache.find_tensors", lambda value: iter(()))
+    monkeypatch.setattr("glossbench.shading.stage_cache.compute_digest", lambda *values: 0)
 
     results = run_study(study, tmp_path / "r")
 
@@ -198,7 +198,7 @@ def test_without_the_check_the_others_would_be_wrong(study_of, tmp_path, undistu
 def test_a_light_that_is_written_to_unseen_would_be_wrong(study_of, tmp_path, undisturbed, monkeypatch):
     """Twin of the above: the light's bytes uncompared."""
     study = study_of("light.faces.numpy()[:] *= 2")
-    monkeypatch.setattr("glossbench.run.study_lights.digest_of", lambda *values: 0)
+    monkeypatch.setattr("glossbench.run.study_lights.compute_digest", lambda *values: 0)
 
     results = run_study(study, tmp_path / "r")
 
@@ -219,7 +219,7 @@ def test_supports_that_fails_fails_its_cell_alone(study_of, tmp_path, undisturbe
     assert decent_cells(results.folder) == undisturbed
 
 
-def test_a_reason_that_is_no_text_becomes_text(study_of, tmp_path):
+def test_a_reason_that_is_not_text_becomes_text(study_of, tmp_path):
     results = run_study(study_of(supports="return 7"), tmp_path / "r")
 
     assert list(results.cells["status"]) == ["done", "skipped", "done"]
@@ -227,7 +227,7 @@ def test_a_reason_that_is_no_text_becomes_text(study_of, tmp_path):
 
 
 @pytest.mark.parametrize("n_samples", ["torch.ones(3)", "'many'", "None"])
-def test_a_number_of_samples_that_is_none_fails_the_cell(study_of, tmp_path, n_samples):
+def test_a_number_of_samples_that_is_not_a_whole_number_fails_the_cell(study_of, tmp_path, n_samples):
     results = run_study(study_of(n_samples=n_samples), tmp_path / "r")
 
     assert list(results.cells["status"]) == ["done", "failed", "done"]
@@ -283,7 +283,7 @@ HANGS = {
 
 
 @pytest.mark.parametrize("hang", HANGS)
-def test_a_cell_that_hangs_is_interrupted_and_the_run_goes_on(study_of, tmp_path, undisturbed, hang):
+def test_a_cell_that_hangs_is_interrupted_and_the_run_continues(study_of, tmp_path, undisturbed, hang):
     body = {"shade": HANGS[hang]} if HANGS[hang] else {"stage": "while True: pass"}
     study = study_of(**body, limit=1)
     started = time.perf_counter()
@@ -360,7 +360,7 @@ def ran(folder: Path) -> "subprocess.CompletedProcess[str]":
 
 
 @pytest.mark.parametrize("kind", STUBBORN)
-def test_a_cell_that_cannot_be_interrupted_ends_the_process_and_the_next_run_goes_on(
+def test_a_cell_that_cannot_be_interrupted_ends_the_process_and_the_next_run_continues(
     study_of, tmp_path, undisturbed, kind
 ):
     study = study_of(STUBBORN[kind], limit=1)
@@ -406,7 +406,7 @@ def test_the_reference_is_not_under_the_limit(study_of, tmp_path, monkeypatch):
     assert list(results.cells["status"]) == ["done"] * 3
 
 
-def test_the_grace_is_short_beside_any_sensible_limit():
+def test_the_grace_is_short_compared_with_any_sensible_limit():
     assert 0 < GRACE <= 10
 
 

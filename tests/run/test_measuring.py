@@ -9,7 +9,7 @@ from glossbench.metrics import METRICS, Metric
 from glossbench.run.results import Results
 from glossbench.run.runner import run_study
 from glossbench.study.study import load_study
-from glossbench.truth.jackknife import unbiased
+from glossbench.truth.jackknife import remove_bias
 
 STUDY = """
 title: T
@@ -25,7 +25,7 @@ metrics: [mean_error, flip, of_a_plug_in, endless]
 
 
 class OfAPlugIn(Metric):
-    """The mean squared error, which says nothing of its noise."""
+    """The mean squared error, which does not state its noise."""
 
     formula = map_formula = "mean((x - y)^2)"
     unit = "1"
@@ -62,7 +62,7 @@ def test_a_metric_is_measured_without_each_group_and_loses_its_bias(row, metric,
     values = json.loads(row["left_out"])[metric]
 
     assert len(values) == 1 + n
-    assert row[metric] == unbiased(values)
+    assert row[metric] == remove_bias(values)
 
 
 def test_an_infinite_metric_has_no_noise(row):
@@ -71,7 +71,7 @@ def test_an_infinite_metric_has_no_noise(row):
 
 
 def test_a_mean_squared_error_loses_the_references_variance(results, row):
-    """Its bias is the square of the noise, of which 8 groups of 2 replicates tell the part between groups."""
+    """Its bias is the square of the noise, of which 8 groups of 2 replicates measure the part between groups."""
     [raw, *left_out] = json.loads(row["left_out"])["of_a_plug_in"]
     key, mask = row["reference_key"], results.mask(row["reference_key"])
     error = results.standard_error(key).astype(float)[mask]

@@ -15,7 +15,7 @@ from glossbench import atomic
 from glossbench.atomic import replacing
 from glossbench.errors import InputError
 from glossbench.metrics import METRICS
-from glossbench.run.cell_files import key_of
+from glossbench.run.cell_files import make_key
 from glossbench.run.results import Results
 from glossbench.shading.image import Image
 from glossbench.truth.reference import Reference
@@ -39,8 +39,8 @@ def dead_process() -> int:
 
 
 def test_a_key_does_not_depend_on_the_order_of_mappings_but_on_that_of_lists():
-    assert key_of([{"a": 1, "b": 2}]) == key_of([{"b": 2, "a": 1}])
-    assert key_of(["a", "b"]) != key_of(["b", "a"])
+    assert make_key([{"a": 1, "b": 2}]) == make_key([{"b": 2, "a": 1}])
+    assert make_key(["a", "b"]) != make_key(["b", "a"])
 
 
 def test_a_file_that_is_replaced_appears_only_when_all_is_written(tmp_path):
@@ -212,7 +212,7 @@ def test_every_name_that_a_file_may_have_is_written(tmp_path, name):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-def test_a_process_that_is_asked_to_end_leaves_no_half_written_file(tmp_path):
+def test_a_terminated_process_leaves_no_half_written_file(tmp_path):
     def write() -> None:
         with replacing(tmp_path / "file") as part:
             part.write_text("half")
@@ -249,7 +249,7 @@ def test_a_file_in_the_way_of_the_folder_is_an_error(tmp_path, path):
 
 
 def test_a_folder_without_results_is_an_error(tmp_path):
-    with pytest.raises(InputError, match=r"holds no results: there is no cells.parquet in it$"):
+    with pytest.raises(InputError, match=r"holds no results: cells.parquet is missing$"):
         Results.open(tmp_path)
 
 

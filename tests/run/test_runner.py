@@ -21,7 +21,7 @@ from glossbench.errors import InputError
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.run.tuning import tune_option
-from glossbench.study.cells import Tune
+from glossbench.study.cells import Tuning
 from glossbench.study.document import read_document
 from glossbench.study.study import load_study
 from oracles.flat_studies import CALLS, Flat, interrupting, registered, remains, study_in
@@ -72,7 +72,7 @@ EVERY_KIND = {
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A study with a cell of each kind, and the results of its run when nobody stops it."""
+    """A study with a cell of each kind, and the results of its run without an interruption."""
     folder = tmp_path_factory.mktemp("whole")
     with registered() as patch:
         patch.setattr(Flat, "fails", True)
@@ -138,7 +138,7 @@ def test_a_run_interrupted_in_any_write_ends_with_the_same_bytes(study_of, tmp_p
 
 
 def test_files_written_in_place_would_be_half_written(study_of, tmp_path, monkeypatch):
-    """Twin of the above: a row is half-written where it stands; the restarted run finds it and makes it again."""
+    """Twin of the above: a row is half-written under its final name; the restarted run finds it and makes it again."""
 
     @contextmanager
     def in_place(path: Path) -> Iterator[Path]:
@@ -207,7 +207,7 @@ run_study(load_study(sys.argv[1]), Path(sys.argv[2]))
 
 @pytest.fixture
 def slow_study(study_of, tmp_path, monkeypatch):
-    """A study of a method in a file of its own, which another process can import."""
+    """A study of a method in a separate file, which another process can import."""
     (tmp_path / "runner_test_plugin.py").write_text(PLUGIN)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "runner_test_plugin", raising=False)
@@ -254,7 +254,7 @@ def test_a_process_killed_in_a_write_leaves_nothing_half_written(slow_study, tmp
 # What a cell may end as
 
 
-def test_a_failing_cell_keeps_its_traceback_and_the_run_goes_on(study_of, tmp_path, monkeypatch):
+def test_a_failing_cell_keeps_its_traceback_and_the_run_continues(study_of, tmp_path, monkeypatch):
     monkeypatch.setattr(Flat, "fails", True)
 
     cells = run_study(study_of(), tmp_path / "r").cells
@@ -330,7 +330,7 @@ def test_one_stage_serves_all_methods_and_budgets(study_of, tmp_path, several_ru
 
 
 def test_a_stage_that_reads_the_budget_is_not_shared(study_of, tmp_path):
-    """Twin of the above: the count does tell shared stages from those that are not."""
+    """Twin of the above: the count differs between shared stages and others."""
     run_study(study_of(methods="[{reckless: {samples: 1}}]"), tmp_path / "one")
     for_one = CALLS["mean_light"]
     CALLS.clear()
@@ -340,7 +340,7 @@ def test_a_stage_that_reads_the_budget_is_not_shared(study_of, tmp_path):
     assert CALLS["mean_light"] == 3 * for_one
 
 
-def test_another_light_gets_stages_of_its_own(study_of, tmp_path):
+def test_another_light_gets_other_stages(study_of, tmp_path):
     cells = run_study(
         study_of(light="[{constant: {radiance: [[1, 2, 3]]}}, constant]", methods="other"), tmp_path
     ).cells
@@ -392,7 +392,7 @@ def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, 
     ],
     ids=lambda value: next(iter(value.items())).__str__() if isinstance(value, dict) else "",
 )
-def test_whatever_changes_a_number_changes_the_key(study_of, first, tmp_path, change, new_reference):
+def test_all_that_changes_a_number_changes_the_key(study_of, first, tmp_path, change, new_reference):
     first = Results(first).cells
 
     second = run_study(study_of(**change), tmp_path / "second").cells
@@ -444,7 +444,7 @@ def test_the_study_on_disk_loads_as_the_study_that_ran(study_of, tmp_path):
 def test_tuning_finds_the_minimum_within_the_bounds(low, high, minimum):
     asked = []
 
-    found = tune_option(Tune("x", "rms", low, high), lambda x: asked.append(x) or abs(x - minimum))
+    found = tune_option(Tuning("x", "rms", low, high), lambda x: asked.append(x) or abs(x - minimum))
 
     # The search stops 1/400 of the range from the minimum; the answer is rounded to 1/10 000 of it, or finer.
     expected = min(max(minimum, low), high)
@@ -453,13 +453,13 @@ def test_tuning_finds_the_minimum_within_the_bounds(low, high, minimum):
 
 
 def test_tuning_takes_the_size_of_a_signed_metric():
-    found = tune_option(Tune("x", "mean_error", -1, 1), lambda x: x - 0.37)
+    found = tune_option(Tuning("x", "mean_error", -1, 1), lambda x: x - 0.37)
 
     assert abs(found - 0.37) <= 2 / 400
 
 
 def test_tuning_survives_an_error_that_is_never_finite():
-    assert 0 <= tune_option(Tune("x", "relative_rms", 0, 1), lambda x: float("inf")) <= 1
+    assert 0 <= tune_option(Tuning("x", "relative_rms", 0, 1), lambda x: float("inf")) <= 1
 
 
 def test_a_tuned_cell_says_what_was_found(study_of, tmp_path):

@@ -10,9 +10,9 @@ import glossbench as gb
 from glossbench.errors import InputError
 from glossbench.scene import mesh as mesh_module
 from glossbench.scene.mesh import make_mesh
-from glossbench.scene.mesh_files import load_mesh, mesh_named
+from glossbench.scene.mesh_files import load_mesh, make_named_mesh
 from glossbench.scene.shapes import SHAPES, bowl, cloth, torus_knot
-from glossbench.scene.winding import against_the_rest
+from glossbench.scene.winding import find_reversed_faces
 
 SQUARE = [[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 HALVES = [[0, 1, 2], [0, 2, 3]]
@@ -61,7 +61,7 @@ def test_too_many_faces_are_refused(monkeypatch):
 # What is repaired, and what needs no repair.
 
 
-def test_faces_without_area_are_left_out_and_it_is_said():
+def test_faces_without_area_are_left_out_with_a_note():
     mesh = make_mesh(SQUARE, [*HALVES, [0, 0, 1], [0, 1, 0]])
 
     assert len(mesh.faces) == 2
@@ -82,7 +82,9 @@ def test_faces_that_wind_against_their_neighbours_are_turned():
 
     mesh = make_mesh(vertices, mixed)
 
-    assert mesh.repairs == (f"turned {wrong.sum()} of {len(faces)} faces, which wound against their neighbours",)
+    assert mesh.repairs == (
+        f"turned {wrong.sum()} of {len(faces)} faces, whose winding was opposite to that of their neighbours",
+    )
     right = make_mesh(vertices, faces)
     assert volume(mesh) == pytest.approx(volume(right), rel=1e-12)  # measured 0
     np.testing.assert_allclose(mesh.normals, right.normals, atol=1e-15)  # measured 0
@@ -91,7 +93,7 @@ def test_faces_that_wind_against_their_neighbours_are_turned():
 def test_normals_of_mixed_winding_would_be_wrong(monkeypatch):
     vertices, faces = ball()
     mixed = np.where((np.random.default_rng(0).random(len(faces)) < 0.3)[:, None], faces[:, ::-1], faces)
-    monkeypatch.setattr(mesh_module, "against_the_rest", lambda f: np.zeros(len(f), dtype=bool))
+    monkeypatch.setattr(mesh_module, "find_reversed_faces", lambda f: np.zeros(len(f), dtype=bool))
 
     mesh = make_mesh(vertices, mixed)
 
@@ -102,7 +104,7 @@ def test_two_bodies_are_wound_each_for_itself():
     vertices, faces = ball(1)
     both = np.concatenate([faces, faces[:, ::-1] + len(vertices)])
 
-    assert not against_the_rest(both).any()
+    assert not find_reversed_faces(both).any()
 
 
 def test_a_moebius_strip_stays_as_it_is():
@@ -132,13 +134,13 @@ def test_an_edge_of_three_faces_is_taken_as_it_is():
 
 
 @pytest.mark.parametrize("bad", [NAN, 0.0])
-def test_stated_normals_that_are_none_are_made_anew(bad):
+def test_invalid_normals_of_a_file_are_computed_again(bad):
     normals = np.tile([0.0, 0, 2.0], (4, 1))
     normals[2] = bad
 
     mesh = make_mesh(SQUARE, HALVES, normals)
 
-    assert mesh.repairs == ("made new normals, as the stated ones are not finite or zero",)
+    assert mesh.repairs == ("computed new normals, because the stated ones are zero or not finite",)
     np.testing.assert_array_equal(mesh.normals, np.tile([0.0, 0, 1], (4, 1)))
 
 
@@ -183,7 +185,7 @@ def test_meshes_are_equal_by_content():
 
 def test_a_mesh_cannot_be_written_to():
     with pytest.raises(ValueError, match="read-only"):
-        mesh_named("cloth").vertices[0] = 0
+        make_named_mesh("cloth").vertices[0] = 0
 
 
 # Normals.
@@ -218,7 +220,7 @@ def test_vertices_of_one_place_share_their_normal():
     np.testing.assert_allclose(order(mesh), order(make_mesh(vertices, faces)), atol=1e-15)  # measured 0
 
 
-# Shapes: their normals and tangents against differences of their own vertices.
+# Shapes: their normals and tangents against differences of their vertices.
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -227,7 +229,7 @@ def test_shapes_need_no_repair_and_are_of_some_ten_thousand_triangles(shape):
 
     assert mesh.repairs == ()
     assert 20_000 < len(mesh.faces) < 60_000
-    assert not against_the_rest(mesh.faces).any()
+    assert not find_reversed_faces(mesh.faces).any()
     assert np.abs(mesh.vertices).max() == pytest.approx(1, rel=1e-15)  # measured 0
 
 
@@ -372,10 +374,10 @@ def test_a_broken_file_is_refused_in_one_line(name, content, message):
 def test_names_are_shapes_then_the_catalogue_then_files(shared_data, monkeypatch):
     monkeypatch.setenv("GLOSSBENCH_DATA", str(shared_data))
 
-    assert mesh_named("cloth") == cloth()
-    assert mesh_named("teapot") == load_mesh(shared_data / "meshes" / "teapot.obj")
-    assert len(mesh_named("spot").vertices) == 2930  # its 3225 texture coordinates split none
-    assert len(mesh_named("bunny").faces) == 69451
+    assert make_named_mesh("cloth") == cloth()
+    assert make_named_mesh("teapot") == load_mesh(shared_data / "meshes" / "teapot.obj")
+    assert len(make_named_mesh("spot").vertices) == 2930  # its 3225 texture coordinates split none
+    assert len(make_named_mesh("bunny").faces) == 69451
 
 
 @pytest.mark.parametrize(
@@ -388,6 +390,6 @@ def test_names_are_shapes_then_the_catalogue_then_files(shared_data, monkeypatch
 )
 def test_an_unknown_name_offers_the_nearest(name, message):
     with pytest.raises(InputError) as caught:
-        mesh_named(name)
+        make_named_mesh(name)
 
     assert str(caught.value).startswith(message)

@@ -11,9 +11,9 @@ import glossbench as gb
 from glossbench.directions import stack
 from glossbench.errors import InputError
 from glossbench.scene import mesh_view
-from glossbench.scene.camera import MARGIN, framing
+from glossbench.scene.camera import MARGIN, frame_vertices
 from glossbench.scene.mesh import make_mesh
-from glossbench.scene.mesh_view import LEAST_COSINE, shading_points
+from glossbench.scene.mesh_view import LEAST_COSINE, make_shading_points
 from glossbench.scene.shapes import SHAPES
 
 
@@ -67,8 +67,10 @@ def test_shaded_ball_is_the_shaded_sphere(ball):
 
 def test_a_flipped_axis_of_the_camera_would_be_noticed(ball, monkeypatch):
     mesh, sphere = of_sphere(ball)
-    right = mesh_view.shading_points
-    monkeypatch.setattr(mesh_view, "shading_points", lambda m, f, b, wo: right(m, f, b[:, [1, 0, 2]], wo * [-1, 1, 1]))
+    right = mesh_view.make_shading_points
+    monkeypatch.setattr(
+        mesh_view, "make_shading_points", lambda m, f, b, wo: right(m, f, b[:, [1, 0, 2]], wo * [-1, 1, 1])
+    )
 
     ours, analytic = frame_of(mesh.points()), frame_of(sphere.points())
 
@@ -99,12 +101,12 @@ def test_a_normal_that_faces_away_is_bent_to_the_least_cosine_within_its_plane()
     normals = np.tile([0.8, 0.0, -0.6], (3, 1))
     mesh = make_mesh([[0.0, 0, 0], [1, 0, 2], [0, 1, 0]], [[0, 1, 2]], normals)
 
-    points = shading_points(mesh, np.array([0]), np.full((1, 3), 1 / 3), wo)
+    points = make_shading_points(mesh, np.array([0]), np.full((1, 3), 1 / 3), wo)
 
     # The triangle's own normal (-2, 0, 1) turns the stated one to (-0.8, 0, 0.6), which the viewer sees.
     np.testing.assert_allclose(stack(points.n)[0], [-0.8, 0, 0.6], atol=1e-7)  # measured 2.4e-8
     away = make_mesh([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], np.tile([0.995, 0.0, 0.09987], (3, 1)))
-    points = shading_points(away, np.array([0]), np.full((1, 3), 1 / 3), np.array([[-0.8, 0.0, 0.6]]))
+    points = make_shading_points(away, np.array([0]), np.full((1, 3), 1 / 3), np.array([[-0.8, 0.0, 0.6]]))
     n, viewer = stack(points.n)[0].double().numpy(), np.array([-0.8, 0, 0.6])
     assert n @ viewer == pytest.approx(LEAST_COSINE, abs=1e-7)  # measured 2.1e-8
     assert n[1] == 0
@@ -114,7 +116,7 @@ def test_a_normal_that_faces_away_is_bent_to_the_least_cosine_within_its_plane()
 def test_normals_that_cancel_give_way_to_the_triangles_own():
     mesh = make_mesh([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], [[1.0, 0, 0], [-1, 0, 0], [0, 0, 1]])
 
-    points = shading_points(mesh, np.array([0]), np.array([[0.5, 0.5, 0]]), np.array([[0.0, 0, 1]]))
+    points = make_shading_points(mesh, np.array([0]), np.array([[0.5, 0.5, 0]]), np.array([[0.0, 0, 1]]))
 
     np.testing.assert_allclose(stack(points.n)[0], [0, 0, 1], atol=1e-7)  # measured 0
 
@@ -127,7 +129,7 @@ def test_every_normal_has_a_tangent(n, tangent):
     tangents = None if tangent is None else np.tile(np.array(tangent, dtype=float), (3, 1))
     mesh = make_mesh([np.zeros(3), a, np.cross(n, a)], [[0, 1, 2]], np.tile(n, (3, 1)), tangents)
 
-    points = shading_points(mesh, np.array([0]), np.full((1, 3), 1 / 3), n[None])
+    points = make_shading_points(mesh, np.array([0]), np.full((1, 3), 1 / 3), n[None])
 
     basis = torch.stack([stack(v)[0] for v in (points.t, points.b, points.n)]).double()
     torch.testing.assert_close(basis @ basis.mT, torch.eye(3).double(), atol=1e-7, rtol=0)  # measured 0
@@ -149,7 +151,7 @@ def test_by_default_all_of_the_mesh_is_seen_up_to_a_margin(shape, camera, height
     mesh = SHAPES[shape]()
     fov = 40.0 if camera == "perspective" else None
 
-    seen = framing(mesh.vertices, width / height, azimuth, elevation, fov, 1.0)
+    seen = frame_vertices(mesh.vertices, width / height, azimuth, elevation, fov, 1.0)
 
     # Pixel coordinates by the textbook: axes, then the division by depth.
     x, y, z = seen.axes @ mesh.vertices.T - seen.middle[:, None]
@@ -171,7 +173,7 @@ def test_each_pixel_shows_a_point_of_its_own_ray(camera):
     view = gb.view("mesh", shape="cloth", resolution=40, width=60, camera=camera)
     mesh = view.scene()
     fov = view.fov if camera == "perspective" else None
-    seen = framing(mesh.vertices, 1.5, view.azimuth, view.elevation, fov, 1.0)
+    seen = frame_vertices(mesh.vertices, 1.5, view.azimuth, view.elevation, fov, 1.0)
 
     position = stack(view.points().position).double().numpy()
 
@@ -195,11 +197,11 @@ def test_silhouette_of_a_box_seen_straight_is_its_rectangle():
 
 
 def test_azimuth_turns_the_camera_to_the_right_and_elevation_lifts_it():
-    axes = {a: framing(SHAPES["bowl"]().vertices, 1.0, *a, None, 1.0).axes for a in ((0, 0), (90, 0), (0, 90))}
+    axes = {a: frame_vertices(SHAPES["bowl"]().vertices, 1.0, *a, None, 1.0).axes for a in ((0, 0), (90, 0), (0, 90))}
 
     # Measured 6e-17 or less.
     np.testing.assert_allclose(axes[0, 0], np.eye(3), atol=3e-16)
-    np.testing.assert_allclose(axes[90, 0][2], [1, 0, 0], atol=3e-16)  # back to the camera: it stands at +x
+    np.testing.assert_allclose(axes[90, 0][2], [1, 0, 0], atol=3e-16)  # back to the camera, which is at +x
     np.testing.assert_allclose(axes[0, 90][2], [0, 1, 0], atol=3e-16)
     np.testing.assert_allclose(axes[0, 90][1], [0, 0, -1], atol=3e-16)  # from above, up in the image is forward
 

@@ -77,7 +77,7 @@ def test_the_frame_check_notices(fault):
         check_frames(type(points)(**{**vars(points), **swap}))
 
 
-def test_the_viewer_in_the_local_frame_stands_at_the_cosine_above_the_surface(view):
+def test_the_viewer_in_the_local_frame_is_at_the_cosine_above_the_surface(view):
     points = view.points()
 
     local = points.wo_local()
@@ -92,7 +92,7 @@ def test_all_resolutions_show_the_same_scene():
 
 
 @pytest.mark.parametrize("coverage", [0.25, 0.5, 1.0])
-def test_a_wide_image_shows_the_sphere_in_the_share_of_its_pixels_asked_for(coverage):
+def test_a_wide_image_shows_the_sphere_in_the_stated_share_of_its_pixels(coverage):
     view = gb.view("sphere", resolution=270, width=480, coverage=coverage)
 
     mask = view.mask()

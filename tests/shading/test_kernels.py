@@ -1,4 +1,4 @@
-"""Chunks and fused kernels: the same image, whatever the size of a chunk and whoever runs the kernel."""
+"""Chunks and fused kernels: the same image for any size of a chunk, eager or fused."""
 
 import logging
 
@@ -40,7 +40,7 @@ def arguments():
 
 @pytest.fixture
 def fresh_caches():
-    """Whether there is a compiler is asked anew, before and after."""
+    """Look for a compiler again, before and after."""
     can_fuse.cache_clear()
     fused.cache_clear()
     yield

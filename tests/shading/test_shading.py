@@ -11,10 +11,10 @@ from glossbench import Method, MethodError, stage
 from glossbench.commands.printing import err, warn_of_noise
 from glossbench.envmap.cubemap import CubeMap, face_directions
 from glossbench.errors import InputError
-from glossbench.provenance import source_hash
+from glossbench.provenance import compute_source_hash
 from glossbench.registry import Registry
 from glossbench.shading.image import shade
-from glossbench.shading.method import dependencies, stages_of
+from glossbench.shading.method import find_dependencies, order_stages
 from glossbench.shading.stage_cache import StageCache
 
 LIGHT = gb.light("gradient", resolution=16)
@@ -49,13 +49,13 @@ CALLS: list[str] = []
 
 
 def test_stages_run_in_the_order_of_their_names():
-    order = list(stages_of(Chain))
+    order = list(order_stages(Chain))
 
     assert order.index("first") < order.index("last")
 
 
 def test_a_stage_depends_on_the_inputs_of_the_stages_before_it():
-    depends = dependencies(stages_of(Chain))
+    depends = find_dependencies(order_stages(Chain))
 
     assert depends == {"first": {"light"}, "last": {"light", "material"}, "frame": {"view"}}
 
@@ -70,7 +70,7 @@ def test_update_cost_is_that_of_the_stages_which_the_change_reaches():
     assert update["view"] == pytest.approx(seconds["frame"])
 
 
-def test_a_stage_is_shared_by_options_that_it_does_not_read_and_by_no_others():
+def test_a_stage_is_shared_between_methods_that_differ_only_in_options_that_it_does_not_read():
     CALLS.clear()
     cache = StageCache()
 
@@ -204,7 +204,7 @@ class Shadeless(Method):
 )
 def test_a_method_that_cannot_run_says_why_in_one_line(method, line):
     with pytest.raises(InputError, match=f"^{line}$"):
-        stages_of(method)
+        order_stages(method)
 
 
 def returning(make):
@@ -243,14 +243,14 @@ def test_a_class_of_a_package_changes_its_hash_with_any_module_of_the_package(tm
     monkeypatch.syspath_prepend(str(tmp_path))
     import planted_lab.method  # noqa: F401
 
-    before = source_hash(sys.modules["planted_lab.method"].Planted)
+    before = compute_source_hash(sys.modules["planted_lab.method"].Planted)
     (package / "helper.py").write_text("FACTOR = 7.0\n")
 
-    assert source_hash(sys.modules["planted_lab.method"].Planted) != before
+    assert compute_source_hash(sys.modules["planted_lab.method"].Planted) != before
 
 
 def test_classes_of_two_files_of_this_package_have_two_hashes():
-    assert source_hash(type(MATERIAL)) != source_hash(type(VIEW))
+    assert compute_source_hash(type(MATERIAL)) != compute_source_hash(type(VIEW))
 
 
 def test_lod_bias_and_k_together_are_an_error():
@@ -258,7 +258,7 @@ def test_lod_bias_and_k_together_are_an_error():
         gb.method("filtered_importance_sampling", lod_bias="plain", k=2.0)
 
 
-def test_a_broken_entry_point_is_one_warning_and_the_rest_goes_on(monkeypatch, caplog):
+def test_a_broken_entry_point_is_one_warning_and_the_rest_is_loaded(monkeypatch, caplog):
     class Broken:
         name, dist = "lab", None
 
@@ -283,7 +283,7 @@ def test_face_directions_stay_on_the_device_of_their_coordinates():
 
 
 @pytest.mark.parametrize(("noise", "warned"), [(0.02, True), (0.005, False)])
-def test_a_reference_that_missed_its_noise_target_is_told(noise, warned):
+def test_a_reference_that_missed_its_noise_target_is_reported(noise, warned):
     cells = pandas.DataFrame(
         [{"reference_key": "a", "reference_noise": noise, "reference_target": 0.01, "reference_mean": 2.0}]
     )
@@ -291,4 +291,7 @@ def test_a_reference_that_missed_its_noise_target_is_told(noise, warned):
     with err.capture() as capture:
         warn_of_noise(cells)
 
-    assert ("1 of 1 references did not meet the noise asked for: 1 % of the mean for 0.5 %" in capture.get()) == warned
+    assert (
+        "1 of 1 references stopped at reference.max_samples with noise up to 1 % of the mean; the target was 0.5 %"
+        in capture.get()
+    ) == warned

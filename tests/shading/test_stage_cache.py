@@ -1,4 +1,4 @@
-"""The cache of stages: each cell gets the value that it gets alone, within a bound, and none that was written to."""
+"""The cache of stages: each cell gets the value that it gets alone, memory is bounded, modified values are not used."""
 
 import pytest
 import torch
@@ -7,7 +7,7 @@ from glossbench.envmap.lights.synthetic import Constant
 from glossbench.errors import MethodError
 from glossbench.shading.image import prepare
 from glossbench.shading.method import Method, stage
-from glossbench.shading.stage_cache import StageCache, option_of
+from glossbench.shading.stage_cache import StageCache, read_option
 
 LIGHT = Constant(radiance=(1.0, 1.0, 1.0), resolution=2).cubemap()
 INPUTS = {"light": LIGHT, "material": "m", "scene": "s", "view": "v"}
@@ -58,7 +58,7 @@ def test_a_chain_of_stages_gives_each_cell_what_it_gets_alone():
 
 def test_a_key_without_the_options_that_were_read_would_be_wrong(monkeypatch):
     """Twin of the above: a stage is known by its function and its inputs alone."""
-    monkeypatch.setattr("glossbench.shading.stage_cache._hashable", lambda value: 0)
+    monkeypatch.setattr("glossbench.shading.stage_cache._make_hashable", lambda value: 0)
 
     assert tuned_and_timed(StageCache()) != [2.0 * (x + 1) for x in range(8) for _ in range(2)]
 
@@ -67,7 +67,7 @@ def test_a_chain_gives_the_right_values_when_nothing_fits_the_cache():
     assert tuned_and_timed(StageCache(limit=0)) == [2.0 * (x + 1) for x in range(8) for _ in range(2)]
 
 
-def test_what_was_not_asked_for_the_longest_goes_first():
+def test_the_least_recently_used_value_is_dropped_first():
     cache = StageCache(limit=2 * 3 * 1024)  # two chains of three stages of 1 KiB
 
     first, second = (prepare(Chained(x=x), INPUTS, cache)["first"] for x in (0.0, 1.0))
@@ -79,7 +79,7 @@ def test_what_was_not_asked_for_the_longest_goes_first():
     assert prepare(Chained(x=1.0), INPUTS, cache)["first"] is not second
 
 
-def test_nothing_goes_that_a_running_method_holds():
+def test_the_cache_drops_nothing_that_a_running_method_uses():
     cache = StageCache(limit=0)
 
     prepared = prepare(Chained(x=1.0), INPUTS, cache)
@@ -101,7 +101,7 @@ def test_a_value_that_is_written_to_through_numpy_breaks_the_check_and_is_made_a
     cache = StageCache()
     prepare(Chained(x=1.0), INPUTS, cache)["second"].value.numpy()[0] = 99
 
-    with pytest.raises(MethodError, match=r"^mine writes into the memory of 'second', which others read$"):
+    with pytest.raises(MethodError, match=r"^mine writes into the memory of 'second', which is also used elsewhere$"):
         cache.check("mine")
 
     assert third_of(1.0, cache) == 4.0
@@ -117,7 +117,7 @@ def test_a_value_that_is_written_to_later_is_not_handed_out():
     assert third_of(1.0, cache) == 4.0
 
 
-def test_the_type_of_an_option_counts_beside_its_value():
+def test_the_type_of_an_option_counts_as_well_as_its_value():
     class Whole(Method):
         x: int = 1
         first = vars(Chained)["first"]
@@ -133,7 +133,7 @@ def test_the_type_of_an_option_counts_beside_its_value():
 
 @stage
 def tone(self, light):
-    return torch.full((4,), {"warm": 1.0, "cold": 2.0}[option_of(self, "tone_of", "warm")])
+    return torch.full((4,), {"warm": 1.0, "cold": 2.0}[read_option(self, "tone_of", "warm")])
 
 
 class Plain(Method):

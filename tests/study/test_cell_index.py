@@ -19,7 +19,7 @@ ITEMS = {
 
 @pytest.fixture
 def index():
-    return CellIndex.product(ITEMS)
+    return CellIndex.from_product(ITEMS)
 
 
 def cells():
@@ -44,7 +44,7 @@ def test_an_exclusion_fits_where_a_look_at_each_cell_says_so(index, option, want
         holder = next((options for _, options in (method, material, view, light) if option in options), None)
         return holder is not None and agrees(wanted, holder[option])
 
-    assert index.excluded({option: wanted}).tolist() == [fits(cell) for cell in cells()]
+    assert index.find_excluded({option: wanted}).tolist() == [fits(cell) for cell in cells()]
 
 
 @pytest.mark.parametrize(
@@ -61,12 +61,12 @@ def test_an_exclusion_fits_where_a_look_at_each_cell_says_so(index, option, want
         ("method", {"a": {"samples": 1}}, 1),
     ],
 )
-def test_an_item_answers_to_its_name_and_options(index, kind, wanted, names):
+def test_an_item_is_found_by_its_name_and_options(index, kind, wanted, names):
     assert index.is_called(kind, wanted).sum() == names * 27 // len(ITEMS[kind])
 
 
 def test_what_only_the_other_method_has_does_not_restrict(index):
-    fits = index.within({"samples": 1}, {"samples"})
+    fits = index.find_within({"samples": 1}, {"samples"})
 
     assert [cell[3] == ITEMS["method"][0] or cell[3][0] == "b" for cell in cells()] == fits.tolist()
 
@@ -78,11 +78,11 @@ def test_rows_of_results_are_the_same_cells(index):
         for light, material, view, method in cells()
     ]  # fmt: skip
 
-    of_rows = CellIndex.of_rows(rows)
+    of_rows = CellIndex.from_rows(rows)
 
     for where in ({"light": "spots"}, {"samples": [1, 2]}, {"alpha": 0.1}, {"material": {"ggx": {"alpha": 0.1}}}):
         np.testing.assert_array_equal(
-            of_rows.within(where, {"samples", "k", "on"}), index.within(where, {"samples", "k", "on"})
+            of_rows.find_within(where, {"samples", "k", "on"}), index.find_within(where, {"samples", "k", "on"})
         )
 
 

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from glossbench.study.claim_counts import Count, counts
-from glossbench.study.describe import described
-from glossbench.study.study import Study, load_study, study_with_forms
+from glossbench.study.claim_counts import Count, count_claims
+from glossbench.study.describe import describe_contents
+from glossbench.study.study import Study, load_study, load_study_with_forms
 
 STUDY = {
     "title": "T",
@@ -29,7 +29,7 @@ def write(tmp_path):
 @pytest.fixture
 def words(write):
     def of(key: str, **changes: str) -> str:
-        return described(*study_with_forms(write(**changes)))[key]
+        return describe_contents(*load_study_with_forms(write(**changes)))[key]
 
     return of
 
@@ -53,7 +53,7 @@ def words(write):
         ("[ggx, {kurt: {m: 0.3}}]", "ggx\nkurt: m 0.3 (isotropic)"),
     ],
 )
-def test_a_material_is_said_in_words(words, stated, said):
+def test_a_material_is_described_in_words(words, stated, said):
     assert words("material", material=stated) == said
 
 
@@ -87,15 +87,15 @@ def test_exclude_says_how_many_cells_are_left_out(words):
     assert words("exclude", exclude="[{samples: 4}, {method: environment_sampling, samples: 8}]") == "3 cells of 5"
 
 
-def test_a_device_that_is_not_here_is_said(words, monkeypatch):
+def test_a_missing_device_is_reported(words, monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
 
-    assert words("device", device="cuda") == "cuda: there is none here, so that `run` refuses"
+    assert words("device", device="cuda") == "cuda: this machine has none, so `run` refuses the study"
 
 
 def about(write, claim: str, **changes: str) -> list[Count]:
     study: Study = load_study(write(claims=f"[{{text: A, {claim}}}]", **changes))
-    return counts(study)
+    return count_claims(study)
 
 
 PAIR = "lower: importance_sampling, than: environment_sampling, metric: rms"
@@ -130,12 +130,12 @@ def test_several_seeds_of_random_points_are_one_pair(write, points, more, n):
     assert about(write, PAIR + more, methods=methods) == [Count(n, "pair")]
 
 
-def test_a_claim_whose_sides_never_meet_is_said_to_be_untestable(words):
+def test_a_claim_whose_sides_never_pair_is_reported_as_untestable(words):
     exclude = "[{method: importance_sampling, samples: 8}, {method: environment_sampling, samples: 4}]"
 
     said = words("claims", claims=f"[{{text: A, {PAIR}, paired_by: samples}}]", exclude=exclude)
 
-    assert said == ("0 pairs: A (cannot be tested: no cell of one side has a partner of the same "
+    assert said == ("0 pairs: A (cannot be tested: no cell of one side has a counterpart with the same "
                     "light, material, view, samples)")  # fmt: skip
 
 
@@ -146,8 +146,8 @@ def test_the_pairs_that_are_counted_are_those_that_the_verdict_finds(write):
     from glossbench.findings.verdicts import judge
 
     study = load_study(write(claims=f"[{{text: A, {PAIR}}}, {{text: B, {PAIR}, where: {{samples: 8}}}}]"))
-    rows = [cell.record(metrics={"rms": 1.0}, n_samples=1).row() for cell in study.cells()]
+    rows = [cell.make_record(metrics={"rms": 1.0}, n_samples=1).to_row() for cell in study.cells()]
 
     verdicts = judge(study.claims, pandas.DataFrame(rows))
 
-    assert [len(verdict["numbers"]) for verdict in verdicts] == [count.n for count in counts(study)]
+    assert [len(verdict["numbers"]) for verdict in verdicts] == [count.n for count in count_claims(study)]

@@ -11,7 +11,7 @@ from glossbench.commands.cli import app
 from glossbench.errors import InputError
 from glossbench.run import executor
 from glossbench.run.runner import run_study
-from glossbench.study.cells import text_of
+from glossbench.study.cells import to_text
 from glossbench.study.study import load_study
 from glossbench.truth.reference import compute_reference
 
@@ -74,11 +74,11 @@ NAMED = {
 
 
 @pytest.mark.parametrize("kind", NAMED)
-def test_a_bare_name_of_a_file_beside_the_study_is_its_item(here, kind):
+def test_a_bare_name_of_a_file_next_to_the_study_is_an_item(here, kind):
     bare, spelled = (load_study(study(here, **{kind: text})) for text in NAMED[kind])
 
     assert bare == spelled
-    assert str(here / NAMED[kind][0]) in text_of(getattr(bare, f"{kind}s")[0])
+    assert str(here / NAMED[kind][0]) in to_text(getattr(bare, f"{kind}s")[0])
 
 
 @pytest.mark.parametrize("kind", NAMED)
@@ -89,10 +89,10 @@ def test_a_bare_name_in_a_list_and_with_options_is_one_too(here, kind):
     items = getattr(load_study(study(here, **{kind: f"[{name}, {{{name}: {{{more}}}}}]"})), f"{kind}s")
 
     assert len(items) == 2
-    assert all(str(here / name) in text_of(item) for item in items)
+    assert all(str(here / name) in to_text(item) for item in items)
 
 
-def test_a_mesh_and_a_table_beside_the_study_are_run(here):
+def test_a_mesh_and_a_table_next_to_the_study_are_run(here):
     path = study(here, material="{ngan: {file: paint.fit, material: paint}}",
                  view="{mesh: {shape: cube.obj, resolution: 4}}")  # fmt: skip
 
@@ -104,7 +104,7 @@ def test_a_mesh_and_a_table_beside_the_study_are_run(here):
 
 def test_python_takes_bare_names_too(here):
     assert gb.material(str(here / "goniometer.brdf")).name == "measured"
-    assert gb.material(str(here / "paint.fit"), material="paint").fitted().m == (0.2, 0.2)
+    assert gb.material(str(here / "paint.fit"), material="paint").build_fit().m == (0.2, 0.2)
     assert gb.view(str(here / "cube.obj"), resolution=4).mask().any()
 
 
@@ -154,7 +154,7 @@ def test_a_broken_file_is_found_when_files_are_opened(here, name):
     assert message in message_of(path, open_files=True)
 
 
-def test_of_several_files_the_broken_one_is_named(here):
+def test_the_broken_file_of_several_is_named(here):
     (here / "bad.obj").write_bytes(b"v 0 0 0\n")
     path = study(here, view="{mesh: {shape: [cube.obj, torus_knot, bad.obj]}}")
 
@@ -182,14 +182,16 @@ def test_a_huge_measurement_is_refused_by_its_size_before_it_is_read(here, monke
         monkeypatch.setattr(Path, reader, lambda path, **how: pytest.fail("it was read"))
 
     for ask in ("key", "open_files"):
-        with pytest.raises(InputError, match=rf"{name}: 3221225472 bytes, more than the 1073741824 of any BRDF file"):
+        with pytest.raises(
+            InputError, match=rf"{name}: a BRDF file must have at most 1073741824 bytes, got 3221225472"
+        ):
             getattr(gb.material(str(here / name)), ask)()
 
 
-def test_a_long_text_is_no_measurement(here, monkeypatch):
+def test_a_long_text_is_not_a_measurement(here, monkeypatch):
     monkeypatch.setattr(cornell, "MAX_BYTES", 100)
 
-    with pytest.raises(InputError, match=r"goniometer\.brdf: \d+ bytes, more than the 100 of any goniometer file"):
+    with pytest.raises(InputError, match=r"goniometer\.brdf: a goniometer file must have at most 100 bytes, got \d+"):
         gb.material(str(here / "goniometer.brdf")).open_files()
 
 

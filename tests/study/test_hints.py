@@ -1,4 +1,4 @@
-"""What a study's author meant, said beside what is wrong: each line says what to write instead."""
+"""Hints in the messages for wrong studies: each line says what to write instead."""
 
 from pathlib import Path
 
@@ -37,7 +37,7 @@ HINTS = [
     ("title:T\nlight: constant\n", "2:6", f"{NO_COLON}; a colon needs a space after it, on the line above: title: T"),
     ("title: T\n light: constant\n", "2:7", f"{NO_COLON}; it is indented deeper than the line above"),
     (a_study(methods="\n- importance_sampling:\n    samples: 16\n   seed: 3"), "8:4",
-     "expected <block end>, but found '<block mapping start>'; its indentation is that of no key above it"),
+     "expected <block end>, but found '<block mapping start>'; its indentation fits no key above it"),
     (a_study(methods="\n- importance_sampling:\n  samples: 16"), "6:3",
      "methods[0] must be a name, or one name with its options below it, got the keys 'importance_sampling', 'samples'; "
      "indent 'samples' deeper than 'importance_sampling'"),
@@ -50,7 +50,7 @@ HINTS = [
      "could not find expected ':'; a plain dash and a space begin an item: - importance_sampling"),
     (a_study(title='"a" and b'), "1:12", "expected <block end>, but found '<scalar>'; text that begins with a sign"),
     (a_study(title="%a"), "1:8", "found character '%' that cannot start any token; text that begins with a sign needs"),
-    (a_study(methods="{importance_sampling:\t{samples: 4}}"), "5:31", "a tab cannot stand here; use a space"),
+    (a_study(methods="{importance_sampling:\t{samples: 4}}"), "5:31", "a tab is not allowed here; use a space"),
     (a_study(methods="{importance_sampling: {samples:16}}"), "5:33",
      "methods.importance_sampling: unknown option 'samples:16'; a colon needs a space after it: samples: 16"),
     (a_study(methods="\n- importance_sampling: {<<: {samples: 4}}"), "6:25",
@@ -69,7 +69,7 @@ HINTS = [
     (a_study(methods="\n- importance_sampling: {samples: 1_000}"), "6:34",
      f"{SAMPLES} must be a valid integer, got '1_000'; write 1000"),
     (a_study(methods="\n- importance_sampling: {samples: 010}"), "6:34",
-     "'010' is no int; write 10, or 0o10 for base 8"),
+     "'010' is not a valid int; write 10, or 0o10 for base 8"),
     (a_study(reference="{relative_error: 1%}"), "6:29",
      "reference.relative_error must be a valid number, got '1%'; write a number alone: 0.01"),
     (a_study(time_limit="60s"), "6:13", "time_limit must be a valid number, got '60s'; write 60 alone"),
@@ -84,7 +84,7 @@ HINTS = [
     (a_study(plugins="[my_method.py]"), "6:11",
      "plugins[0] must be the dotted name of a module, without .py: my_method"),
     (a_study(exclude="{samples: 4}"), "6:10", "exclude must be a valid list, got {'samples': 4}; begin each of its "),
-    (a_study(claims=""), "6:8", "claims must be a valid list, got None; leave out a key of no value"),
+    (a_study(claims=""), "6:8", "claims must be a valid list, got None; remove a key that has no value"),
     (a_study(metric="rms", plugin="[x]", timelimit="3"), "6:1",
      "unknown key 'metric'; did you mean 'metrics'?; and 'plugin' on line 7; did you mean 'plugins'?; and 'timelimit' "
      "on line 8; did you mean 'time_limit'?"),
@@ -104,10 +104,11 @@ HINTS = [
      "methods.regular_sampling.mip_bias.range must have at most 2 items, not 3, got [0, 1, 2]"),
     # Claims and exclusions
     (a_claim("higher: importance_sampling, than: importance_sampling, metric: rms"), "6:10",
-     "claims[0] needs one of the keys lower, slope, ratio, value, got none; in place of 'higher' write lower, with the "
+     "claims[0] needs one of the keys lower, slope, ratio, value, got none; instead of 'higher' write lower, with the "
      "two sides exchanged"),
     (a_claim("better: importance_sampling, than: importance_sampling, metric: rms"), "6:10",
-     "claims[0] needs one of the keys lower, slope, ratio, value, got none; that one side has the lower error is "),
+     "claims[0] needs one of the keys lower, slope, ratio, value, got none; to state that one side has the lower "
+     "error, write lower: METHOD, than: METHOD, metric: ERROR"),
     (a_claim("lowr: importance_sampling, than: importance_sampling, metric: rms"), "6:10",
      "claims[0] needs one of the keys lower, slope, ratio, value, got none; did you mean 'lower'?"),
     (a_claim(f"{VALUE}, where: {{light: [[constant]]}}"), "6:83",
@@ -117,16 +118,17 @@ HINTS = [
     (a_claim(f"{VALUE}, where: {{method: importance_sampling}}"), "6:84",
      "claims[0].where.method: a claim's methods are its sides"),
     (a_claim("lower: [importance_sampling], than: importance_sampling, metric: rms"), "6:27",
-     "claims[0].lower must be a method, or {method: {option: value}}, beside it light, material or view at most"),
+     "claims[0].lower must be a method, or {method: {option: value}}; further keys may be light, material and view"),
     (a_claim("lower: {importance_sampling: {}, samples: 4}, than: importance_sampling, metric: rms"), "6:27",
-     "claims[0].lower must be a method, or {method: {option: value}}, beside it light, material or view at most; "
+     "claims[0].lower must be a method, or {method: {option: value}}; further keys may be light, material and view; "
      "options go inside: {importance_sampling: {samples: ...}}"),
     (a_claim("value: importance_sampling, of: rms, between: 1"), "6:66",
-     "claims[0].between must be [low, high], null for what has no bound, got 1"),
+     "claims[0].between must be [low, high], with null for a missing bound, got 1"),
     (a_study(exclude="[{method: importance_samplin}]"), "6:20",
      "exclude[0].method: no method 'importance_samplin' in this study; did you mean 'importance_sampling'?"),
     (a_study(exclude="[{importance_sampling: {samples: 4}}]"), "6:12",
-     "exclude[0]: unknown key 'importance_sampling'; write method: importance_sampling, and options beside it"),
+     "exclude[0]: unknown key 'importance_sampling'; write method: importance_sampling, "
+     "with its options as further keys"),
     (a_study(exclude="[{method: [[importance_sampling]]}]"), "6:20",
      "exclude[0].method: must be a method, {method: {option: value}}, or a list of these"),
     (a_study(exclude="[{samples: '4'}]"), "6:11", "exclude[0] fits no cell; they have samples 4, 8"),
@@ -191,11 +193,11 @@ def test_a_file_of_any_line_ends_and_with_a_mark_is_read(ends):
         ("base", "unknown study 'base'; did you mean 'base.yaml'?"),
         ("base.yml", "cannot read the study 'base.yml': No such file or directory; did you mean 'base.yaml'?"),
         ("bass.yaml", "cannot read the study 'bass.yaml': No such file or directory; did you mean 'base.yaml'?"),
-        ("notes.txt", "unknown study 'notes.txt'; the file of that name is no study: one ends in .yaml or .yml"),
+        ("notes.txt", "unknown study 'notes.txt'; the file of that name is not a study: a study ends in .yaml or .yml"),
         ("nothing.yaml", "cannot read the study 'nothing.yaml': No such file or directory"),
     ],
 )
-def test_a_study_that_is_not_there_offers_the_file_beside_it(asked, said):
+def test_the_message_for_a_missing_study_offers_the_file_next_to_it(asked, said):
     Path("base.yaml").write_text(a_study())
     Path("notes.txt").touch()
 

@@ -23,7 +23,7 @@ class Called(NamedTuple):
 
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
-    """An empty current folder, and no data beside it."""
+    """An empty current folder, and no folder of data."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.delenv("GLOSSBENCH_DATA", raising=False)
@@ -121,7 +121,7 @@ BROKEN: dict[str, tuple[Any, str, list[str]]] = {
     "a Boolean for a number": (a_study(seed="true"), "6:7", ["seed must be a valid integer", "True"]),
     "a negative seed": (a_study(seed="-1"), "6:7", ["seed must be greater than or equal to 0"]),
     "a huge seed": (a_study(seed="1" + "0" * 40), "6:7", ["seed must be less than 4294967296"]),
-    "an integer of 5000 digits": (a_study(seed="1" * 5000), "6:7", ["is no int"]),
+    "an integer of 5000 digits": (a_study(seed="1" * 5000), "6:7", ["is not a valid int"]),
     "an unknown device": (a_study(device="tpu"), "6:9", ["device must be 'cpu' or 'cuda'"]),
     "an infinite error": (a_study(reference="{relative_error: .inf}"), "6:29", ["must be a finite number"]),
     "an error of NaN": (a_study(reference="{relative_error: .nan}"), "6:29", ["relative_error must be"]),
@@ -274,7 +274,7 @@ def test_a_file_that_refuses_to_be_read_is_one_line(call):
 
 
 @pytest.mark.parametrize("name", ["../my", "a/b", "/etc/passwd", "", "quickstart/..", "quickstart.yaml/"])
-def test_a_name_of_a_study_is_no_path(call, name):
+def test_a_name_of_a_study_is_not_a_path(call, name):
     code, out, err = call("run", name)
 
     assert (code, out) == (2, "")

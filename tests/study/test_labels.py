@@ -1,15 +1,15 @@
-"""Names of rows: they tell inputs apart, and what was tuned from what was stated."""
+"""Names of rows: they distinguish inputs, and tuned options from stated ones."""
 
 import json
 
 import pytest
 
 from glossbench.study import labels as rows_module
-from glossbench.study.labels import budget_of, identity, names_of, parsed, told_apart, with_names
+from glossbench.study.labels import distinguish_rows, identify, name_items, parse_row, read_budget, with_names
 
 
 def row(**changes):
-    """A row of a run as it stands on disk; options are given as dictionaries."""
+    """A row of a run as on disk; options are given as dictionaries."""
     plain = {
         "method": "few", "options": {"samples": 4}, "tuned": {}, "status": "done", "n_samples": 4,
         "light": "spots", "light_options": {}, "material": "kurt", "material_options": {},
@@ -20,13 +20,13 @@ def row(**changes):
 
 def names(kind, name, *options):
     """Names of lights, materials or views of one name and these options, in order."""
-    given = [parsed(row(**{kind: name, f"{kind}_options": each})) for each in options]
-    found = names_of(kind, given)
-    return [found[identity(kind, each)] for each in given]
+    given = [parse_row(row(**{kind: name, f"{kind}_options": each})) for each in options]
+    found = name_items(kind, given)
+    return [found[identify(kind, each)] for each in given]
 
 
 def told(*given, over=None):
-    return [line for _, line in told_apart([parsed(each) for each in given], over)]
+    return [line for _, line in distinguish_rows([parse_row(each) for each in given], over)]
 
 
 def biased(bias, tune=None, **changes):
@@ -38,7 +38,7 @@ def biased(bias, tune=None, **changes):
 RMS = {"tune": "rms", "range": [-2, 2]}
 
 
-def test_files_are_called_by_as_much_of_their_path_as_tells_them_apart():
+def test_names_of_files_have_as_much_of_their_paths_as_distinguishes_them():
     paths = ("/a/1k/probe.exr", "/b/1k/probe.exr", "/b/1k/grace.exr", "sky.hdr", "c\\2k\\probe.exr")
 
     found = names("light", "file", *({"file": path} for path in paths))
@@ -46,14 +46,14 @@ def test_files_are_called_by_as_much_of_their_path_as_tells_them_apart():
     assert found == ["a/1k/probe.exr", "b/1k/probe.exr", "grace.exr", "sky.hdr", "2k/probe.exr"]
 
 
-def test_a_sole_file_has_its_name_and_a_measured_material_says_what_it_is():
+def test_a_single_file_has_its_name_and_a_measured_material_says_what_it_is():
     assert names("light", "file", {"file": "/a/probe.exr"}) == ["probe.exr"]
     assert names("material", "measured", {"file": "x/garnet.brdf", "lobes": 2}) == ["measured garnet.brdf"]
     two = names("material", "measured", {"file": "x/garnet.brdf"}, {"file": "y/garnet.brdf"})
     assert two == ["measured x/garnet.brdf", "measured y/garnet.brdf"]
 
 
-def test_one_file_with_two_options_is_told_apart_by_them():
+def test_one_file_with_two_options_is_distinguished_by_them():
     found = names("light", "file", {"file": "/a/p.exr", "rotation": 0.0}, {"file": "/a/p.exr", "rotation": 90.0})
 
     assert found == ["p.exr (rotation 0)", "p.exr (rotation 90)"]
@@ -65,7 +65,7 @@ def test_an_option_that_is_a_path_is_shortened_as_well():
     ]  # fmt: skip
 
 
-def test_numbers_have_as_many_digits_as_tell_them_apart():
+def test_numbers_have_as_many_digits_as_distinguish_them():
     assert names("material", "ggx", {"alpha": 0.12}, {"alpha": 0.3}) == ["ggx (alpha 0.12)", "ggx (alpha 0.3)"]
     assert names("material", "ggx", {"alpha": 0.123456}, {"alpha": 0.123457}) == [
         "ggx (alpha 0.123456)", "ggx (alpha 0.123457)",
@@ -85,12 +85,12 @@ def test_the_table_says_what_its_inputs_are_called():
     assert (table[0]["material_name"], table[0]["view_name"]) == ("kurt", "sphere")
 
 
-def test_a_tuned_option_is_told_from_a_stated_one():
+def test_a_tuned_option_is_distinguished_from_a_stated_one():
     check_tuned(told(biased(0.0), biased(1.0), biased(0.37, RMS)))
 
 
 def test_the_check_of_tuned_options_notices_the_value_that_came_out(monkeypatch):
-    monkeypatch.setattr(rows_module, "stated", lambda row: row["options"])
+    monkeypatch.setattr(rows_module, "read_stated", lambda row: row["options"])
 
     with pytest.raises(AssertionError):
         check_tuned(told(biased(0.0), biased(1.0), biased(0.0, RMS)))
@@ -106,7 +106,7 @@ def test_over_the_option_itself_only_the_tuned_line_names_it():
     ]  # fmt: skip
 
 
-def test_two_ways_to_tune_are_told_apart_and_one_way_tells_nothing():
+def test_two_ways_to_tune_are_distinguished_and_one_way_is_not_shown():
     flip, narrow = RMS | {"tune": "flip"}, RMS | {"range": [0, 1]}
 
     assert told(biased(0.1, RMS), biased(0.2, RMS)) == [{}, {}]
@@ -132,7 +132,7 @@ def test_results_that_do_not_say_how_they_were_tuned_say_that_they_were():
 def test_the_budget_is_the_option_that_the_row_says():
     rays = [row(options={"samples": s, "rays": n}, budget="rays") for s in (1, 2) for n in (4, 8)]
 
-    assert [budget_of(parsed(each)) for each in rays] == [4, 8, 4, 8]
+    assert [read_budget(parse_row(each)) for each in rays] == [4, 8, 4, 8]
     assert told(*rays) == [{"samples": "1"}, {"samples": "1"}, {"samples": "2"}, {"samples": "2"}]
-    assert budget_of(parsed(row())) == 4  # of results whose rows do not say
-    assert budget_of(parsed(row(budget=""))) is None
+    assert read_budget(parse_row(row())) == 4  # of results whose rows do not say
+    assert read_budget(parse_row(row(budget=""))) is None

@@ -1,11 +1,11 @@
-"""Metrics in a study: names, options, and the columns that tell them apart."""
+"""Metrics in a study: names, options, and the columns that distinguish them."""
 
 from pathlib import Path
 
 import pytest
 
 from glossbench.errors import InputError
-from glossbench.findings.columns import columns_of, metric_columns
+from glossbench.findings.columns import collect_columns, list_metric_columns
 from glossbench.run.runner import run_study
 from glossbench.study.study import Study, load_study
 
@@ -34,7 +34,7 @@ def test_a_metric_alone_of_its_name_has_the_column_of_its_name(study_of):
     assert study_of("[rms, {mrse: {epsilon: 1}}]").metric_columns == ["rms", "mrse"]
 
 
-def test_two_of_one_metric_have_columns_that_their_options_tell_apart(study_of):
+def test_two_of_one_metric_have_columns_that_their_options_distinguish(study_of):
     assert study_of(TWO).metric_columns == COLUMNS_OF_TWO
 
 
@@ -51,13 +51,13 @@ def test_a_resolved_study_has_the_same_metrics(study_of, metrics):
 
 def test_the_metrics_of_a_resolved_study_have_the_columns_of_the_study(study_of):
     study = study_of(TWO)
-    columns = metric_columns(study.resolved()["metrics"])
+    columns = list_metric_columns(study.resolved()["metrics"])
     assert [column.name for column in columns] == study.metric_columns
     assert [column.unit for column in columns] == ["radiance", "", ""]
 
 
-def test_the_title_of_a_metric_tells_options_that_its_column_does_not():
-    assert columns_of(["rms", {"mrse": {"epsilon": 1.0}}])["mrse"].title == "mrse (epsilon 1)"
+def test_the_title_of_a_metric_states_options_that_its_column_does_not():
+    assert collect_columns(["rms", {"mrse": {"epsilon": 1.0}}])["mrse"].title == "mrse (epsilon 1)"
 
 
 @pytest.mark.parametrize(

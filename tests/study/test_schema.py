@@ -7,12 +7,12 @@ import jsonschema
 import pytest
 import yaml
 
-from glossbench.documentation import attributes
+from glossbench.documentation import read_attributes
 from glossbench.metrics import METRICS
-from glossbench.options import option_names
-from glossbench.study.installed import study_files
+from glossbench.options import list_options
 from glossbench.study.schema import REGISTRIES, schema
-from glossbench.study.shared_schema import shared
+from glossbench.study.shared_schema import share_parts
+from glossbench.study.study_files import find_study_files
 
 STUDY = {
     "title": "T",
@@ -35,10 +35,10 @@ def validator(stated):
     return jsonschema.Draft202012Validator(stated)
 
 
-@pytest.mark.parametrize("name", study_files())
+@pytest.mark.parametrize("name", find_study_files())
 def test_every_installed_study_is_valid(validator, name):
     # The core schema of YAML 1.2 reads 1e-3 as a number, which PyYAML's own loader does not; studies write 1.0e-3.
-    study = yaml.safe_load(study_files()[name].read_text(encoding="utf-8"))
+    study = yaml.safe_load(find_study_files()[name].read_text(encoding="utf-8"))
 
     assert [error.message for error in validator.iter_errors(study)] == []
 
@@ -114,7 +114,7 @@ def test_every_option_says_what_it_is():
         for kind, registry in {**REGISTRIES, "metric": METRICS}.items()
         for name in registry.names()
         if registry.get(name).__module__.startswith("glossbench.")
-        for option in set(option_names(registry.get(name))) - set(attributes(registry.get(name)))
+        for option in set(list_options(registry.get(name))) - set(read_attributes(registry.get(name)))
     }
 
     assert undescribed == set()
@@ -134,7 +134,7 @@ def test_a_schema_without_repetition_means_the_same(validator, stated):
     }
     whole = {"properties": {"one": part, "two": copy.deepcopy(part)}, "$defs": {}}
 
-    found = shared(whole)
+    found = share_parts(whole)
 
     assert list(found["$defs"]) == ["one", "one.a"]
     assert found["properties"]["one"] == found["properties"]["two"] == {"$ref": "#/$defs/one"}

@@ -23,11 +23,11 @@ from glossbench.options import Color, Fraction, Resolution, Widths
 from glossbench.scene.points import VIEWS, View
 from glossbench.shading.method import METHODS, Method
 from glossbench.study import document as yaml_marks
-from glossbench.study.cells import Tune, text_of
+from glossbench.study.cells import Tuning, to_text
 from glossbench.study.document import dump
-from glossbench.study.installed import study_files
 from glossbench.study.schema import schema
 from glossbench.study.study import load_study
+from glossbench.study.study_files import find_study_files
 
 
 class Glow(Light):
@@ -220,14 +220,14 @@ def test_cells_vary_the_method_fastest_and_the_light_slowest(write):
 def test_a_tuned_option_takes_its_range_from_its_bounds(write):
     study = load_study(write(a_study(methods="{sampler: {bias: {tune: rms}, samples: [1, 2]}}")))
 
-    assert [item.tune for item in study.methods] == [Tune("bias", "rms", -2, 2)] * 2
+    assert [item.tune for item in study.methods] == [Tuning("bias", "rms", -2, 2)] * 2
     assert study.methods[0].method.as_dict()["bias"] == 0
 
 
 def test_a_tuned_option_takes_the_range_that_is_stated(write):
     study = load_study(write(a_study(methods="{sampler: {gain: {tune: max_error, range: [0.5, 1.5]}}}")))
 
-    assert study.methods[0].tune == Tune("gain", "max_error", 0.5, 1.5)
+    assert study.methods[0].tune == Tuning("gain", "max_error", 0.5, 1.5)
 
 
 def test_a_tuned_option_without_a_default_starts_at_its_lowest(write):
@@ -276,7 +276,7 @@ def test_numbers_are_those_of_yaml_1_2(write):
 
 
 @pytest.mark.parametrize("word", ["yes", "off", "12:30", "2002-06-26", "1_000", '"1e-3"', "'12'"])
-def test_what_is_no_number_in_yaml_1_2_is_text(write, word):
+def test_what_is_not_a_number_in_yaml_1_2_is_text(write, word):
     assert load_study(write(a_study(title=word))).title == word.strip("\"'")
 
 
@@ -337,15 +337,15 @@ def test_the_round_trip_would_notice_a_lost_key(write, change):
     assert again != study
 
 
-def test_items_are_told_apart_by_canonical_json(write):
+def test_items_are_distinguished_by_canonical_json(write):
     first, second = (
         load_study(write(a_study(methods=f"{{sampler: {{{options}}}}}"))).methods[0]
         for options in ("samples: 3, bias: {tune: rms}", "bias: {range: [-2, 2], tune: rms}, samples: 3")
     )
 
-    assert text_of(first) == text_of(second)
+    assert to_text(first) == to_text(second)
     assert first.as_dict()["bias"] == {"tune": "rms", "range": [-2, 2]}
-    assert text_of(first) != text_of(dataclasses.replace(first, tune=None))
+    assert to_text(first) != to_text(dataclasses.replace(first, tune=None))
 
 
 # The seed
@@ -409,7 +409,7 @@ def test_a_resolved_study_states_every_seed(write):
     [
         (-1, "seed must be at least 0, got -1"),
         (101, "drawn.seed must be less than or equal to 100, got 101"),
-        (5, "seed 5 is the one that a method of the study states, which is then there twice"),
+        (5, "seed 5 is also the stated seed of a method of the study, which would then be there twice"),
     ],
 )
 def test_a_seed_that_does_not_fit_is_an_error(write, seed, message):
@@ -475,7 +475,7 @@ def test_a_light_may_be_a_file(write, light):
     assert study.lights[0].as_dict()["resolution"] is None
 
 
-def test_a_file_beside_the_study_is_found_from_anywhere(write, tmp_path, monkeypatch):
+def test_a_file_next_to_the_study_is_found_from_anywhere(write, tmp_path, monkeypatch):
     write(a_study(light="{file: probe.hdr, resolution: 32}"))
     Path("probe.hdr").touch()
     elsewhere = tmp_path / "elsewhere"
@@ -533,7 +533,7 @@ def test_studies_are_listed_by_name(tmp_path, monkeypatch):
         (tmp_path / name).touch()
     monkeypatch.setattr(resources, "files", lambda package: tmp_path)
 
-    assert list(study_files()) == ["a", "b"]
+    assert list(find_study_files()) == ["a", "b"]
 
 
 def test_an_unknown_study_offers_the_nearest(tmp_path, monkeypatch):
@@ -567,7 +567,7 @@ def test_plugins_are_imported_before_names_are_resolved(write, tmp_path, monkeyp
     assert study.methods[0].name == "late"
 
 
-def test_a_plugin_is_found_beside_the_study(write, tmp_path, monkeypatch):
+def test_a_plugin_is_found_next_to_the_study(write, tmp_path, monkeypatch):
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.setattr(sys, "path", [*sys.path])
     (tmp_path / "study_test_beside.py").write_text(
@@ -618,7 +618,7 @@ WRONG = [
         "title: !!python/object:os.system x\n",
         "1:8: tag 'tag:yaml.org,2002:python/object:os.system' is not allowed",
     ),
-    ("title: !!int many\n", "1:8: 'many' is no int"),
+    ("title: !!int many\n", "1:8: 'many' is not a valid int"),
     ("title: T\nlight: a\x07b\n", "2:9: character U+0007 is not allowed in YAML"),
     ("title: &a [*a]\n", "1:8: more than 64 levels deep, or an alias inside itself"),
     # The top level
@@ -710,7 +710,7 @@ WRONG = [
     # zip
     (
         a_study(methods="{sampler: {zip: {samples: [1, 2], bias: [0]}}}"),
-        "5:26: methods.sampler.zip pairs lists of one length, but samples has 2, bias has 1",
+        "5:26: methods.sampler.zip pairs lists of equal length, but samples has 2, bias has 1",
     ),
     (
         a_study(methods="{sampler: {zip: {samples: 1}}}"),
@@ -793,7 +793,8 @@ WRONG = [
     ),
     (
         a_study(claims="[{text: A, lower: {light: glow}, than: sampler, metric: rms}]"),
-        "6:27: claims[0].lower must be a method, or {method: {option: value}}, beside it light, material or view at",
+        "6:27: claims[0].lower must be a method, or {method: {option: value}}; further keys may be light, "
+        "material and view",
     ),
     (
         a_study(claims="[{text: A, lower: sampler, than: sampler, metric: rsm}]"),
@@ -909,7 +910,7 @@ def test_a_long_value_does_not_make_a_long_message(write):
 # Editors
 
 
-def test_the_schema_knows_every_name_and_option():
+def test_the_schema_has_every_name_and_option():
     stated = schema()
 
     def of(part: dict) -> dict:

@@ -14,5 +14,5 @@ def test_the_source_of_a_class_decides_which_sums_are_taken_up(tmp_path, monkeyp
 
     assert path_of(tmp_path, Kurt, "key", 1) == before
     assert path_of(tmp_path, GGX, "key", 1) != before
-    monkeypatch.setattr("glossbench.truth.checkpoint.source_hash", lambda cls: "of another version")
+    monkeypatch.setattr("glossbench.truth.checkpoint.compute_source_hash", lambda cls: "of another version")
     assert path_of(tmp_path, Kurt, "key", 1) != before

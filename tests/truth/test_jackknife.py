@@ -6,7 +6,7 @@ import torch
 
 from glossbench.errors import InputError
 from glossbench.run.results import Results
-from glossbench.truth.jackknife import jackknife, unbiased
+from glossbench.truth.jackknife import jackknife, remove_bias
 from glossbench.truth.reference import N_GROUPS, Reference
 from glossbench.truth.sampling import N_REPLICATES
 
@@ -27,16 +27,16 @@ def test_the_variance_of_a_mean_is_that_of_the_values_over_their_number():
 def test_the_bias_of_the_plain_variance_is_taken_off_exactly():
     x = np.random.default_rng(2).normal(size=8)
 
-    assert unbiased([x.var(), *without_each(x, np.var)]) == pytest.approx(x.var(ddof=1))
+    assert remove_bias([x.var(), *without_each(x, np.var)]) == pytest.approx(x.var(ddof=1))
 
 
 def test_what_is_never_below_zero_stays_so_without_its_bias():
-    assert unbiased([1.0, *[1.2] * 8]) == 0
-    assert unbiased([1.0, *[1.2] * 7, -0.1]) == pytest.approx(8 - 7 * (7 * 1.2 - 0.1) / 8)
+    assert remove_bias([1.0, *[1.2] * 8]) == 0
+    assert remove_bias([1.0, *[1.2] * 7, -0.1]) == pytest.approx(8 - 7 * (7 * 1.2 - 0.1) / 8)
 
 
 def test_a_number_without_groups_is_itself():
-    assert unbiased([0.3]) == 0.3
+    assert remove_bias([0.3]) == 0.3
 
 
 MASK = torch.tensor([[True, False, True], [False, True, True]])

@@ -10,7 +10,7 @@ import trimesh
 import glossbench as gb
 from glossbench.directions import Vec3
 from glossbench.scene import rays as rays_module
-from glossbench.scene.camera import framing
+from glossbench.scene.camera import frame_vertices
 from glossbench.scene.mesh import Mesh
 from glossbench.scene.mesh_view import LEAST_COSINE
 from glossbench.truth import sampling as ground_truth
@@ -55,7 +55,7 @@ def theirs(shape, camera, material, light):
     direct = mi.load_dict({"type": "direct", "emitter_samples": PAIRS, "bsdf_samples": PAIRS})
     sampler = mi.load_dict({"type": "independent"})
     fov = view.fov if camera == "perspective" else None
-    seen = framing(mesh.vertices, 1.0, view.azimuth, view.elevation, fov, view.zoom)
+    seen = frame_vertices(mesh.vertices, 1.0, view.azimuth, view.elevation, fov, view.zoom)
     origins, directions = seen.rays(RESOLUTION, RESOLUTION)
     pixels = np.flatnonzero(view.mask().numpy().reshape(-1))[compared(view)]
     rays = [mi.RayDifferential3f(mi.Ray3f(list(origins[i]), list(directions[i]))) for i in pixels]

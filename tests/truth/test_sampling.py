@@ -27,7 +27,7 @@ from oracles.z_scores import check_z, reference, z_limit
 
 N_SEEDS = 20
 
-# Each light and each material; the other pairs stand below, sharper or over 20 seeds.
+# Each light and each material; the other pairs are tested below, more sharply or over 20 seeds.
 CASES = [("rough", "kurt_anisotropic"), ("rough", "ggx_anisotropic"), ("spot", "kurt"), ("spot", "ggx_diffuse")]
 
 
@@ -37,7 +37,7 @@ def exact(light, material):
 
 
 @cache
-def seeds_of(light, material):
+def find_seeds(light, material):
     """Radiance and standard error (S, P, 3) of 20 seeds."""
     runs = [reference(lights()[light], MATERIALS[material].material(), 4e-2, seed) for seed in range(N_SEEDS)]
     return np.stack([r[0] for r in runs]), np.stack([r[1] for r in runs])
@@ -118,7 +118,7 @@ def check_spread(radiance, standard_error):
 
 @pytest.mark.parametrize(("light", "material"), SEED_CASES)
 def test_standard_error_is_honest_over_20_seeds(light, material):
-    radiance, standard_error = seeds_of(light, material)
+    radiance, standard_error = find_seeds(light, material)
     truth = exact(light, material)
 
     assert np.abs((radiance - truth) / standard_error).max() < z_limit(radiance.size * len(SEED_CASES))
@@ -128,7 +128,7 @@ def test_standard_error_is_honest_over_20_seeds(light, material):
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_honesty_checks_notice_a_standard_error_that_is_off_by_two(factor):
-    radiance, standard_error = seeds_of("rough", "kurt")
+    radiance, standard_error = find_seeds("rough", "kurt")
     truth = exact("rough", "kurt")
 
     with pytest.raises(AssertionError):
@@ -138,7 +138,7 @@ def test_honesty_checks_notice_a_standard_error_that_is_off_by_two(factor):
 
 
 def test_same_seed_gives_the_same_bytes_and_another_seed_agrees_within_the_error():
-    radiance, standard_error = seeds_of("rough", "kurt")
+    radiance, standard_error = find_seeds("rough", "kurt")
 
     again = reference(lights()["rough"], MATERIALS["kurt"].material(), 4e-2, seed=0)
 
@@ -194,7 +194,7 @@ def test_one_lit_texel_is_summed_exactly(face, row, column):
 
     radiance, standard_error = reference(light, glossy.material(), relative_error=5e-3)
 
-    # Below the horizon of the texel both are zero; 1e-12 stands for an error of zero.
+    # Below the horizon of the texel both are zero; 1e-12 replaces an error of zero.
     check_z(radiance, np.maximum(standard_error, 1e-12), truth, n_tests=3)
 
 
@@ -236,10 +236,10 @@ def rounds():
 
 def test_each_half_of_the_replicates_ends_by_the_noise_of_the_other(monkeypatch):
     monkeypatch.setattr(ground_truth, "_round", rounds())
-    tables = ground_truth.sampling_tables(lights()["rough"], Kurt().reflectance(), None)
+    tables = ground_truth.build_tables(lights()["rough"], Kurt().reflectance(), None)
     kept = ground_truth.Checkpoint(None)
 
-    means, n_samples = ground_truth.sampled(
+    means, n_samples = ground_truth.sample_points(
         Sphere(resolution=1).points(), tables, 1e-3, 4096, 0, lambda *progress: None, kept
     )
 
@@ -307,7 +307,7 @@ def reference_at_grazing(light, material, **options):
     return truth.radiance[0].numpy(), truth.standard_error[0].numpy()
 
 
-# Each material under two lights, each light on three materials; of the peaks other pairs stand below, over 20 seeds.
+# Each material under two lights, each light on three materials; other pairs with peaks are tested below, over 20 seeds.
 GRAZING_CASES = [
     ("constant", "kurt"),
     ("constant", "cook_torrance"),
@@ -370,7 +370,7 @@ def peak_seeds(light, material):
 
 
 def check_mean(radiance, truth):
-    """The mean over seeds: a Student's t of 19 degrees a pixel and channel."""
+    """The mean over seeds: a Student's t of 19 degrees per pixel and channel."""
     t = (radiance.mean(0) - truth) / (radiance.std(0, ddof=1) / sqrt(N_SEEDS))
     assert np.abs(t).max() < student.isf((1 - 0.99 ** (1 / (t.size * len(PEAK_CASES)))) / 2, N_SEEDS - 1)
 

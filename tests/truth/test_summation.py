@@ -16,7 +16,7 @@ from glossbench.envmap.lights.synthetic import Constant, SingleTexel
 from glossbench.errors import InputError
 from glossbench.scene.sphere import Sphere
 from glossbench.truth import block_sums, blocks, checkpoint, summation
-from glossbench.truth.blocks import light_blocks
+from glossbench.truth.blocks import build_light_blocks
 from glossbench.truth.jackknife import jackknife
 from glossbench.truth.reference import compute_reference
 from oracles.grazing import AT_GRAZING, Grazing, integrate, light_at_grazing
@@ -98,18 +98,18 @@ def _replicated(faces, width=1):
     return torch.nn.functional.pad(flat, (width,) * 4, mode="replicate").permute(0, 2, 3, 1)
 
 
-def _linear(*arguments, right=block_sums._coefficients):
+def _linear(*arguments, right=block_sums._expand):
     g = right(*arguments).clone()
     g[:, 4:] = 0
     return g
 
 
 FAULTS = {
-    "a power of the Jacobian": (block_sums, "_jacobian", lambda inverse: inverse**2),
-    "a block left out": (summation, "_all_blocks", lambda n, d, right=summation._all_blocks: right(n, d).where(
+    "a power of the Jacobian": (block_sums, "_compute_jacobian", lambda inverse: inverse**2),
+    "a block left out": (summation, "_pair_all_blocks", lambda n, d, right=summation._pair_all_blocks: right(n, d).where(
         right(n, d).block(1) != 17)),
-    "an order too low": (block_sums, "_coefficients", _linear),
-    "a seam between faces": (blocks, "bordered", _replicated),
+    "an order too low": (block_sums, "_expand", _linear),
+    "a seam between faces": (blocks, "add_border", _replicated),
 }  # fmt: skip
 
 
@@ -308,7 +308,7 @@ def test_a_killed_sum_goes_on_to_the_same_bytes(tmp_path, monkeypatch):
 def test_blocks_of_a_light_have_its_mean():
     light = lights()["rough"]
 
-    tables = light_blocks(light).tables
+    tables = build_light_blocks(light).tables
 
     edge = tables[0][:, 0]  # mean over a face, unweighted by solid angle
     finest = tables[-1][:, 0].view(6, -1, 3).mean(1)

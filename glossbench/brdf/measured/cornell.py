@@ -54,8 +54,8 @@ class FactoredTable:
     def value(self, wo: Directions, wi: Directions) -> Channels:
         """The product of the factors, also where nothing was measured."""
         theta_h, theta_d, _ = half_difference(wo, wi)
-        ends = [_between(_place(torch.acos(v.z.clamp(0, 1)), ENDS), ENDS) for v in (wo, wi)]
-        d, ring = _between(_place(theta_d, DIFFERENCES), DIFFERENCES), _between(_ring(theta_h), RINGS)
+        ends = [_bracket(_locate(torch.acos(v.z.clamp(0, 1)), ENDS), ENDS) for v in (wo, wi)]
+        d, ring = _bracket(_locate(theta_d, DIFFERENCES), DIFFERENCES), _bracket(_find_ring(theta_h), RINGS)
         at = d[0] * RINGS + ring[0]
         found = []
         for p, q in zip(self.p, self.q, strict=True):
@@ -75,16 +75,16 @@ class FactoredTable:
         return self.near[(i * CELLS + o) * CELLS + phi]
 
 
-def _place(angle: Tensor, n: int) -> Tensor:
+def _locate(angle: Tensor, n: int) -> Tensor:
     """Position of an angle among n nodes from 0 to 90 degrees; node i is at i + 1/2, like the centre of a texel."""
     return angle * (2 * (n - 1) / pi) + 0.5
 
 
-def _ring(theta_h: Tensor) -> Tensor:
+def _find_ring(theta_h: Tensor) -> Tensor:
     return torch.sqrt(theta_h * (2 / pi)) * RINGS
 
 
-def _between(place: Tensor, size: int) -> tuple[Tensor, Tensor]:
+def _bracket(place: Tensor, size: int) -> tuple[Tensor, Tensor]:
     """The texel below a position (centres at half-integers) and the weight of the next one; clamped at both ends."""
     x = (place - 0.5).clamp(0, size - 1)
     lower = x.int().clamp(max=size - 2)
@@ -115,13 +115,15 @@ def read_samples(path: Path) -> Samples:
         lines = path.read_text(encoding="ascii").splitlines()
         numbers = np.array(" ".join(line for line in lines if not line.lstrip().startswith("#")).split(), np.float64)
     except ValueError:
-        raise InputError(f"{path}: no goniometer file: holds more than numbers and comments") from None
+        raise InputError(f"{path}: not a goniometer file: it holds more than numbers and comments") from None
     n, width = len(WAVELENGTHS), len(WAVELENGTHS) + 4
     if not len(numbers) or numbers[0] != n or not np.array_equal(numbers[1 : 1 + n], WAVELENGTHS):
-        raise InputError(f"{path}: no goniometer file of {n} wavelengths from 400 to 700 nm")
+        raise InputError(f"{path}: not a goniometer file of {n} wavelengths from 400 to 700 nm")
     rows = numbers[1 + n :]
     if not len(rows) or len(rows) % width:
-        raise InputError(f"{path}: goniometer file truncated: {len(rows)} numbers of samples, {width} make one")
+        raise InputError(
+            f"{path}: goniometer file truncated: {len(rows)} numbers after its header, must be a multiple of {width}"
+        )
     rows = rows.reshape(-1, width)
     wrong = ~(np.abs(rows) <= LARGEST)
     if wrong.any():
@@ -129,12 +131,14 @@ def read_samples(path: Path) -> Samples:
         raise InputError(f"{path}: goniometer file with {told}")
     theta = rows[:, [0, 2]]
     if (theta < 0).any() or (theta >= pi / 2).any():
-        raise InputError(f"{path}: goniometer file: angles to the normal must be in [0, pi/2), got {_outside(theta)}")
+        raise InputError(
+            f"{path}: goniometer file: angles to the normal must be in [0, pi/2), got {_pick_outside(theta)}"
+        )
     angles = torch.from_numpy(rows[:, :4])
     return Samples(spherical(angles[:, 0], angles[:, 1]), spherical(angles[:, 2], angles[:, 3]), rec709(rows[:, 4:]))
 
 
-def _outside(theta: Floats) -> float:
+def _pick_outside(theta: Floats) -> float:
     return float(theta.min() if theta.min() < 0 else theta.max())
 
 
@@ -145,34 +149,34 @@ def read_cornell(path: Path, device: str) -> tuple[FactoredTable, int]:
         InputError: see `read_samples`.
     """
     samples = read_samples(path)
-    return factored(samples, device), int((samples.f < 0).sum())
+    return factor_samples(samples, device), int((samples.f < 0).sum())
 
 
-def factored(samples: Samples, device: str) -> FactoredTable:
+def factor_samples(samples: Samples, device: str) -> FactoredTable:
     """The factors of the samples; values below 1e-4 count as 1e-4."""
     theta_h, theta_d, _ = half_difference(samples.wo, samples.wi)
-    ends = [_place(torch.acos(v.z), ENDS).numpy() for v in (samples.wi, samples.wo)]
+    ends = [_locate(torch.acos(v.z), ENDS).numpy() for v in (samples.wi, samples.wo)]
     line = np.full(len(theta_h), 0.5)
     p = csr_array(grid_rows(line, ends[0], (1, ENDS)) + grid_rows(line, ends[1], (1, ENDS)))
-    q = grid_rows(_place(theta_d, DIFFERENCES).numpy(), _ring(theta_h).numpy(), (DIFFERENCES, RINGS))
+    q = grid_rows(_locate(theta_d, DIFFERENCES).numpy(), _find_ring(theta_h).numpy(), (DIFFERENCES, RINGS))
     maps = [FactorMap(p, grid_laplacian((1, ENDS))), FactorMap(q, grid_laplacian((DIFFERENCES, RINGS)))]
     logs = factorize(np.log(np.maximum(samples.f, FLOOR)), maps, SMOOTHNESS).logs
     p_logs, q_logs = (tuple(torch.from_numpy(c.copy()).float().to(device) for c in log.T) for log in logs)
-    return FactoredTable(p_logs, q_logs, _near(samples).to(device))
+    return FactoredTable(p_logs, q_logs, _mark_near(samples).to(device))
 
 
-def _near(samples: Samples) -> Tensor:
+def _mark_near(samples: Samples) -> Tensor:
     """Which cells lie within 7 degrees of a sample, or of a sample with light and viewer swapped."""
     tree = scipy.spatial.cKDTree(
-        np.concatenate([_canonical(samples.wi, samples.wo), _canonical(samples.wo, samples.wi)])
+        np.concatenate([_canonicalize(samples.wi, samples.wo), _canonicalize(samples.wo, samples.wi)])
     )
     centre = (torch.arange(CELLS, dtype=torch.float64) + 0.5) / CELLS
     i, o, phi = (c.flatten() for c in torch.meshgrid(centre * pi / 2, centre * pi / 2, centre * pi, indexing="ij"))
-    cells = _canonical(spherical(i, torch.zeros_like(i)), spherical(o, phi))
+    cells = _canonicalize(spherical(i, torch.zeros_like(i)), spherical(o, phi))
     return torch.from_numpy(tree.query(cells)[0] <= 2 * sin(REACH / 2))
 
 
-def _canonical(a: Vec3, b: Vec3) -> Floats:
+def _canonicalize(a: Vec3, b: Vec3) -> Floats:
     """Pairs of directions, turned and mirrored so that a has azimuth 0 and b a positive azimuth: (S, 5)."""
     length = torch.sqrt(a.x**2 + a.y**2)
     e_x = torch.where(length > 1e-9, a.x / length.clamp(min=1e-9), 1.0)

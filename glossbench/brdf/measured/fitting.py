@@ -68,30 +68,30 @@ def fit_lobes(lobe: MeasuredLobe, model: Model, n_lobes: int) -> Fit:
     method finds the widths; it starts from the best of twelve widths of the added lobe. In each step bounded least
     squares find all factors and Fresnel terms, which are linear.
     """
-    nodes = _nodes(lobe)
+    nodes = _build_nodes(lobe)
     x = np.zeros(0)
     for _ in range(n_lobes):
         starts = [np.append(x, [np.log(m), 0.3]) for m in WIDTHS]
-        begin = min(starts, key=lambda start: _residual(start, nodes, model))
+        begin = min(starts, key=lambda start: _compute_residual(start, nodes, model))
         x = scipy.optimize.minimize(
-            _residual, begin, (nodes, model), "Nelder-Mead", options={"maxfev": 150 * len(begin), "fatol": 1e-6}
+            _compute_residual, begin, (nodes, model), "Nelder-Mead", options={"maxfev": 150 * len(begin), "fatol": 1e-6}
         ).x
-    material = _material(x, nodes, model)
+    material = _build_material(x, nodes, model)
     f = torch.stack(torch.broadcast_tensors(*material.f(nodes.wo, nodes.wi))).double().numpy().T
     off = np.broadcast_to(f, nodes.values.shape) - nodes.values
     cosines = (nodes.wo.z * nodes.wi.z).double().numpy()
     return Fit(
         material,
-        _over(np.linalg.norm(nodes.measure[:, None] * off), np.linalg.norm(nodes.measure[:, None] * nodes.values)),
-        _over(*((nodes.measure**2 / cosines) @ np.abs(v).sum(1) for v in (off, nodes.values))),
+        _divide(np.linalg.norm(nodes.measure[:, None] * off), np.linalg.norm(nodes.measure[:, None] * nodes.values)),
+        _divide(*((nodes.measure**2 / cosines) @ np.abs(v).sum(1) for v in (off, nodes.values))),
     )
 
 
-def _over(error: Any, total: Any) -> float:
+def _divide(error: Any, total: Any) -> float:
     return float(error / total) if total > 0 else 0.0
 
 
-def _nodes(lobe: MeasuredLobe) -> _Nodes:
+def _build_nodes(lobe: MeasuredLobe) -> _Nodes:
     """Midpoints in theta_h, theta_d and phi_d; their measure is (cos_i cos_o)^2 dwi dwo.
 
     dwi dwo = 4 cos(theta_d) dh dd. 1 - cos(theta_h) grows by fourth powers, because narrow lobes need small steps.
@@ -120,11 +120,11 @@ def _nodes(lobe: MeasuredLobe) -> _Nodes:
     return _Nodes(wo, wi, measure, measure / np.sqrt(brightness + level + 1e-30), values)
 
 
-def _columns(x: Floats, nodes: _Nodes, model: Model) -> Floats:
+def _compute_columns(x: Floats, nodes: _Nodes, model: Model) -> Floats:
     """Values that the factors multiply (N, K): 1 / pi, then each lobe with ks 1; for Kurt also times (1 - c)^5."""
     columns = [np.full(len(nodes.weight), 1 / pi)]
     for log_m, shadowing in x.reshape(-1, 2):
-        width, exponent = _bounded(log_m, shadowing)
+        width, exponent = _bound_parameters(log_m, shadowing)
         m, one = (torch.tensor(width), torch.tensor(width)), (torch.ones(()),)
         if model == "cosine_lobes":
             lobe: Lobe = cosine_lobe(MIRROR, _sharpness(width), (1.0,), "cpu")
@@ -139,7 +139,7 @@ def _columns(x: Floats, nodes: _Nodes, model: Model) -> Floats:
     return np.stack(columns, 1)
 
 
-def _bounded(log_m: float, shadowing: float) -> tuple[float, float]:
+def _bound_parameters(log_m: float, shadowing: float) -> tuple[float, float]:
     """A width in [0.001, 1] and a shadowing exponent in [0, 1]."""
     return float(np.exp(np.clip(log_m, np.log(1e-3), 0))), float(np.clip(shadowing, 0, 1))
 
@@ -149,7 +149,7 @@ def _sharpness(m: float) -> float:
     return min(1 / (2 * m * m), 1e5)
 
 
-def _factors(columns: Floats, nodes: _Nodes) -> Floats:
+def _fit_factors(columns: Floats, nodes: _Nodes) -> Floats:
     """The factors of the columns in [0, 1], (K, 3)."""
     right = nodes.weight[:, None] * nodes.values
     # A normal factorization first: the bounded solver then has K rows in place of N.
@@ -157,17 +157,17 @@ def _factors(columns: Floats, nodes: _Nodes) -> Floats:
     return np.stack([scipy.optimize.lsq_linear(r, b, (0, 1), method="bvls").x for b in (q.T @ right).T], 1)
 
 
-def _residual(x: Floats, nodes: _Nodes, model: Model) -> float:
-    columns = _columns(x, nodes, model)
-    left = columns @ _factors(columns, nodes) - nodes.values
+def _compute_residual(x: Floats, nodes: _Nodes, model: Model) -> float:
+    columns = _compute_columns(x, nodes, model)
+    left = columns @ _fit_factors(columns, nodes) - nodes.values
     return float(np.linalg.norm(nodes.weight[:, None] * left) / np.linalg.norm(nodes.weight[:, None] * nodes.values))
 
 
-def _material(x: Floats, nodes: _Nodes, model: Model) -> Material:
+def _build_material(x: Floats, nodes: _Nodes, model: Model) -> Material:
     """The lobes as a material, the strongest first."""
-    factors = _factors(_columns(x, nodes, model), nodes)
+    factors = _fit_factors(_compute_columns(x, nodes, model), nodes)
     kd = tuple(factors[0].tolist())
-    shapes = [_bounded(*shape) for shape in x.reshape(-1, 2)]
+    shapes = [_bound_parameters(*shape) for shape in x.reshape(-1, 2)]
     if model == "kurt":
         pairs = [(factors[1 + 2 * k], factors[2 + 2 * k]) for k in range(len(shapes))]
         fresnel = [(a + b, np.where(a + b > 0, a / np.maximum(a + b, 1e-30), 1.0)) for a, b in pairs]

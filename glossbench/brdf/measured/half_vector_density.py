@@ -72,7 +72,7 @@ class HalfVectorDensity:
     def half_vectors(self, wo: Directions, points: TabulatedPoints) -> tuple[Directions, Values]:
         """The points of each view (P, N), turned to its azimuth, and a quarter of their density."""
         n = points.x.shape[1]
-        at = _view(wo) * n + torch.arange(n, device=wo.z.device, dtype=torch.int32)
+        at = _find_view(wo) * n + torch.arange(n, device=wo.z.device, dtype=torch.int32)
         x, y = points.x.view(-1)[at], points.y.view(-1)[at]
         e_x, e_y = azimuth(wo)
         h = Vec3(x * e_x - y * e_y, x * e_y + y * e_x, points.z.view(-1)[at])
@@ -85,7 +85,7 @@ class HalfVectorDensity:
         ring = (torch.sqrt(torch.sqrt(away)) * RINGS).int().clamp(0, RINGS - 1)
         phi = torch.atan2(h.y * e_x - h.x * e_y, h.x * e_x + h.y * e_y)
         sector = torch.remainder((phi * (SECTORS / (2 * pi))).floor().int(), SECTORS)
-        return self.density[(_view(wo) * RINGS + ring) * SECTORS + sector]
+        return self.density[(_find_view(wo) * RINGS + ring) * SECTORS + sector]
 
     def width(self) -> float:
         """Beckmann slope m in [0.001, 1] of the same width for a view along the normal: half of the mass has
@@ -96,7 +96,7 @@ class HalfVectorDensity:
         return min(max(tan(min(theta, 1.5)) / sqrt(log(2)), 1e-3), 1.0)
 
 
-def half_vector_density(f: Callable[[Vec3, Vec3], Channels], device: str) -> HalfVectorDensity:
+def build_half_vector_density(f: Callable[[Vec3, Vec3], Channels], device: str) -> HalfVectorDensity:
     """The density that follows f cos_i for an isotropic f(wo, wi), the mean of its channels.
 
     The mass of a cell is the mean of f cos_i 4 c at four points inside, times its solid angle; 4 c is the solid angle
@@ -133,6 +133,6 @@ def half_vector_density(f: Callable[[Vec3, Vec3], Channels], device: str) -> Hal
     return HalfVectorDensity(*(t.to(device) for t in tables))
 
 
-def _view(wo: Directions) -> Int[Tensor, "*#pairs"]:
+def _find_view(wo: Directions) -> Int[Tensor, "*#pairs"]:
     """The index of the tabulated angle that is nearest to a view."""
     return (torch.acos(wo.z.clamp(0, 1)) * (2 * VIEWS / pi)).int().clamp(0, VIEWS - 1)

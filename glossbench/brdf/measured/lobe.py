@@ -7,7 +7,7 @@ from typing import Protocol
 import torch
 
 from glossbench.brdf.lobe import Lobe, Sample
-from glossbench.brdf.measured.half_vector_density import HalfVectorDensity, TabulatedPoints, half_vector_density
+from glossbench.brdf.measured.half_vector_density import HalfVectorDensity, TabulatedPoints, build_half_vector_density
 from glossbench.channels import Channels, scalar, widen
 from glossbench.directions import dot, half_vector, reflect
 from glossbench.shapes import Choices, Directions, PairValues, UnitSquare
@@ -42,7 +42,7 @@ class MeasuredLobe(Lobe):
         h = half_vector(wo, wi)
         above = (wo.z > 0) & (wi.z > 0)
         pdf = torch.where(above, self.density.pdf(wo, h) / (4 * dot(wo, h)), 0.0)
-        values = table_values(self.table, self.known_only, wo, wi)
+        values = evaluate_table(self.table, self.known_only, wo, wi)
         return tuple(torch.where(above, ks * v, 0.0) for ks, v in zip(widen(self.ks, 3), values, strict=True)), pdf
 
     def sample_points(self, u: UnitSquare) -> TabulatedPoints:
@@ -60,14 +60,14 @@ class MeasuredLobe(Lobe):
         return Sample(wi, pdf, weight)
 
 
-def measured_lobe(table: Table, known_only: bool, device: str) -> MeasuredLobe:
+def build_measured_lobe(table: Table, known_only: bool, device: str) -> MeasuredLobe:
     """The lobe of a table on a device; its widths are those of the density for a view along the normal."""
-    density = half_vector_density(partial(table_values, table, known_only), device)
+    density = build_half_vector_density(partial(evaluate_table, table, known_only), device)
     m = scalar(density.width(), device)
     return MeasuredLobe((m, m), (torch.ones((), device=device),), table, known_only, density)
 
 
-def table_values(table: Table, known_only: bool, wo: Directions, wi: Directions) -> Channels:
+def evaluate_table(table: Table, known_only: bool, wo: Directions, wi: Directions) -> Channels:
     """f of a table; with known_only it is 0 where nothing was measured."""
     values = table.value(wo, wi)
     if not known_only:

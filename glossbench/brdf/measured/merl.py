@@ -40,15 +40,15 @@ class HalfDifferenceTable:
 
     def value(self, wo: Directions, wi: Directions) -> Channels:
         """The value of the cell."""
-        at = _cell(wo, wi)
+        at = _find_cell(wo, wi)
         return tuple(channel[at] for channel in self.values)
 
     def known(self, wo: Vec3, wi: Vec3) -> Tensor:
         """Whether the cell has a value."""
-        return self.measured[_cell(wo, wi)]
+        return self.measured[_find_cell(wo, wi)]
 
 
-def _cell(wo: Vec3, wi: Vec3) -> Tensor:
+def _find_cell(wo: Vec3, wi: Vec3) -> Tensor:
     theta_h, theta_d, phi_d = half_difference(wo, wi)
     i = (torch.sqrt(theta_h * (2 / pi)) * 90).int().clamp(0, 89)
     j = (theta_d * (180 / pi)).int().clamp(0, 89)
@@ -67,11 +67,11 @@ def read_merl(path: Path, device: str) -> tuple[HalfDifferenceTable, int]:
     """
     size = path.stat().st_size
     if size < 12:
-        raise InputError(f"{path}: no MERL file: {size} bytes, which hold no three dimensions")
+        raise InputError(f"{path}: not a MERL file: {size} bytes cannot hold three dimensions")
     with path.open("rb") as file:
         dimensions = tuple(int(n) for n in np.frombuffer(file.read(12), "<i4"))
         if dimensions != SHAPE:
-            raise InputError(f"{path}: no MERL file of an isotropic BRDF: dimensions {dimensions}, must be {SHAPE}")
+            raise InputError(f"{path}: not a MERL file of an isotropic BRDF: dimensions {dimensions}, must be {SHAPE}")
         if size != SIZE:
             what = "truncated" if size < SIZE else "too long"
             raise InputError(f"{path}: MERL file {what}: {size} bytes, must be {SIZE}")

@@ -33,9 +33,9 @@ class Slices(NamedTuple):
 
     def node(self, view: tuple[Tensor, Tensor], x: Tensor, y: Tensor) -> Tensor:
         """The value at a node."""
-        return self.between(view, (view[0] * self.ny + y) * self.nx + x, self.nx * self.ny)
+        return self.interpolate(view, (view[0] * self.ny + y) * self.nx + x, self.nx * self.ny)
 
-    def between(self, view: tuple[Tensor, Tensor], at: Tensor, stride: int) -> Tensor:
+    def interpolate(self, view: tuple[Tensor, Tensor], at: Tensor, stride: int) -> Tensor:
         """The value at an index of a slice, interpolated between this slice and the next."""
         return self.values[at] * (1 - view[1]) + self.values[at + stride] * view[1]
 
@@ -74,8 +74,8 @@ class AdaptiveTable:
 
     def value(self, wo: Directions, wi: Directions) -> Channels:
         """f [1/sr]; where nothing was measured it is the value that the authors extrapolated."""
-        view, u_x, u_y = self._unit(wo, wi)
-        s_x, s_y = self._unfolded(view, u_x, u_y)
+        view, u_x, u_y = self._map_to_unit_square(wo, wi)
+        s_x, s_y = self._unfold(view, u_x, u_y)
         factor = 1 / wi.z.clamp(min=1e-6)
         if self.ndf:
             none = (torch.zeros_like(view[0]), torch.zeros_like(view[1]))
@@ -86,11 +86,11 @@ class AdaptiveTable:
 
     def known(self, wo: Vec3, wi: Vec3) -> Tensor:
         """Whether all nodes around s were measured."""
-        view, u_x, u_y = self._unit(wo, wi)
-        s_x, s_y = self._unfolded(view, u_x, u_y)
+        view, u_x, u_y = self._map_to_unit_square(wo, wi)
+        s_x, s_y = self._unfold(view, u_x, u_y)
         return (_bilinear(self.filled, view, s_x, s_y) == 0) & (torch.acos(wo.z.clamp(-1, 1)) <= self.widest)
 
-    def _unit(self, wo: Vec3, wi: Vec3) -> tuple[tuple[Tensor, Tensor], Tensor, Tensor]:
+    def _map_to_unit_square(self, wo: Vec3, wi: Vec3) -> tuple[tuple[Tensor, Tensor], Tensor, Tensor]:
         """The slice below the view, the weight of the next slice, and u_h."""
         theta_o = torch.acos(wo.z.clamp(-1, 1))
         index = (torch.searchsorted(self.theta, theta_o.contiguous(), right=True) - 1).clamp(0, len(self.theta) - 2)
@@ -102,21 +102,21 @@ class AdaptiveTable:
         share = ((theta_o - low) / (high - low)).clamp(0, 1)
         return (index.int(), share), u_x, torch.remainder(phi / (2 * pi) + 0.5, 1.0)
 
-    def _unfolded(self, view: tuple[Tensor, Tensor], u_x: Tensor, u_y: Tensor) -> tuple[Tensor, Tensor]:
+    def _unfold(self, view: tuple[Tensor, Tensor], u_x: Tensor, u_y: Tensor) -> tuple[Tensor, Tensor]:
         """s, by the inverse of sampling vndf: the integrals of the bilinear density along the row and over the rows."""
         nx, ny = self.vndf.nx, self.vndf.ny
-        x, y, f_x, f_y = _cell(self.vndf, u_x, u_y)
+        x, y, f_x, f_y = _find_cell(self.vndf, u_x, u_y)
         v00, v10, v01, v11 = self.vndf.corners(view, x, y)
         c0, c1 = v00 + f_y * (v01 - v00), v10 + f_y * (v11 - v10)
         a0, a1 = (self.columns.node(view, x, y + up) for up in (0, 1))
         r0, r1 = (self.columns.node(view, torch.full_like(x, nx - 1), y + up) for up in (0, 1))
         along = f_x * (c0 + 0.5 * f_x * (c1 - c0)) + a0 + f_y * (a1 - a0)
         s_x = along / (r0 + f_y * (r1 - r0)).clamp(min=1e-30)
-        s_y = f_y * (r0 + 0.5 * f_y * (r1 - r0)) + self.rows.between(view, view[0] * ny + y, ny)
+        s_y = f_y * (r0 + 0.5 * f_y * (r1 - r0)) + self.rows.interpolate(view, view[0] * ny + y, ny)
         return s_x.clamp(0, 1), s_y.clamp(0, 1)
 
 
-def _cell(table: Slices, u_x: Tensor, u_y: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def _find_cell(table: Slices, u_x: Tensor, u_y: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The cell of a point of the unit square, and the position inside."""
     at_x, at_y = u_x * (table.nx - 1), u_y * (table.ny - 1)
     x, y = at_x.int().clamp(0, table.nx - 2), at_y.int().clamp(0, table.ny - 2)
@@ -124,7 +124,7 @@ def _cell(table: Slices, u_x: Tensor, u_y: Tensor) -> tuple[Tensor, Tensor, Tens
 
 
 def _bilinear(table: Slices, view: tuple[Tensor, Tensor], u_x: Tensor, u_y: Tensor) -> Tensor:
-    x, y, f_x, f_y = _cell(table, u_x, u_y)
+    x, y, f_x, f_y = _find_cell(table, u_x, u_y)
     v00, v10, v01, v11 = table.corners(view, x, y)
     low, high = v00 + f_x * (v10 - v00), v01 + f_x * (v11 - v01)
     return low + f_y * (high - low)
@@ -142,10 +142,10 @@ def read_rgl(path: Path, device: str) -> tuple[AdaptiveTable, int]:
     """
     arrays = read_tensors(path)
     if "rgb" not in arrays and "spectra" in arrays:
-        raise InputError(f"{path}: a spectral .bsdf file: take the one whose name ends in _rgb")
+        raise InputError(f"{path}: a spectral .bsdf file; use the one whose name ends in _rgb")
     for name, n_axes in FIELDS.items():
         if name not in arrays:
-            raise InputError(f"{path}: no BSDF file: has no {name!r}, only {', '.join(sorted(arrays))}")
+            raise InputError(f"{path}: not a BSDF file: it has no {name!r}, only {', '.join(sorted(arrays))}")
         if arrays[name].ndim != n_axes:
             raise InputError(f"{path}: BSDF file: {name!r} has {arrays[name].ndim} axes, must have {n_axes}")
         if not (np.abs(arrays[name]) <= LARGEST).all():
@@ -166,36 +166,36 @@ def read_rgl(path: Path, device: str) -> tuple[AdaptiveTable, int]:
     if not (vndf.sum((2, 3)) > 0).all() or (vndf < 0).any() or not (arrays["sigma"] > 0).all():
         raise InputError(f"{path}: BSDF file: vndf must be a density and sigma positive")
 
-    density, rows, columns = _cumulated(vndf[0].astype(np.float64))
+    density, rows, columns = _cumulate(vndf[0].astype(np.float64))
     n_nodes = rgb.shape[3] * rgb.shape[4]
     bits = np.unpackbits(arrays.get("valid", np.zeros(0, np.uint8)).view(np.uint8))
     filled = bits if len(bits) == len(theta) * n_nodes else (arrays["luminance"] == 0)
     repeated = len(theta) > 2 and np.array_equal(rgb[0, -1], rgb[0, -2])
 
-    def on(table: NDArray[Any]) -> Slices:
+    def to_slices(table: NDArray[Any]) -> Slices:
         values = torch.from_numpy(np.ascontiguousarray(table, np.float32).reshape(-1)).to(device)
         return Slices(values, table.shape[-1], table.shape[-2])
 
     facets = bool(arrays["jacobian"][0])
     return AdaptiveTable(
         torch.from_numpy(theta.astype(np.float32)).to(device),
-        on(density),
-        on(rows[:, :, None]),
-        on(columns),
-        (on(rgb[0, :, 0]), on(rgb[0, :, 1]), on(rgb[0, :, 2])),
-        (on(_doubled(arrays["ndf"])),) if facets else (),
-        (on(_doubled(arrays["sigma"])),) if facets else (),
-        on(filled.reshape(len(theta), *rgb.shape[3:])),
+        to_slices(density),
+        to_slices(rows[:, :, None]),
+        to_slices(columns),
+        (to_slices(rgb[0, :, 0]), to_slices(rgb[0, :, 1]), to_slices(rgb[0, :, 2])),
+        (to_slices(_double(arrays["ndf"])),) if facets else (),
+        (to_slices(_double(arrays["sigma"])),) if facets else (),
+        to_slices(filled.reshape(len(theta), *rgb.shape[3:])),
         scalar(theta[-2] if repeated else theta[-1], device),
     ), int((rgb < 0).sum())
 
 
-def _doubled(table: NDArray[Any]) -> NDArray[Any]:
+def _double(table: NDArray[Any]) -> NDArray[Any]:
     """One table as two equal slices."""
     return np.stack([table, table])
 
 
-def _cumulated(v: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _cumulate(v: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
     """Densities (S, ny, nx) per cell, with integral 1 over each slice, and their cumulated rows and columns."""
     steps = (v[:, :, 1:] + v[:, :, :-1]) / 2
     columns = np.concatenate([np.zeros_like(v[:, :, :1]), steps.cumsum(2)], 2)

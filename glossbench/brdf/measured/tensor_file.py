@@ -28,7 +28,7 @@ def read_tensors(path: Path) -> dict[str, NDArray[Any]]:
     """
     data = path.read_bytes()
     if data[:12] != MAGIC:
-        raise InputError(f"{path}: no tensor file: begins with {data[:12]!r}, must with {MAGIC!r}")
+        raise InputError(f"{path}: not a tensor file: it begins with {data[:12]!r}, must with {MAGIC!r}")
     try:
         major, minor, n_fields = struct.unpack_from("<BBI", data, 12)
         if (major, minor) != (1, 0):

@@ -23,14 +23,14 @@ def to_rec709(pixels: np.ndarray, chromaticities: Sequence[tuple[float, float]])
         chromaticities: CIE xy of red, green, blue and white.
 
     Raises:
-        InputError: as `matrix_to_rec709`.
+        InputError: as `build_matrix_to_rec709`.
     """
     if len(chromaticities) == 4 and np.allclose(chromaticities, REC_709, rtol=0, atol=_ROUNDING):
         return pixels
-    return pixels @ matrix_to_rec709(chromaticities).T.astype(pixels.dtype)
+    return pixels @ build_matrix_to_rec709(chromaticities).T.astype(pixels.dtype)
 
 
-def in_rec709(
+def convert_to_rec709(
     image: np.ndarray, chromaticities: Sequence[tuple[float, float]], stated: str
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     """Converts an image (H, W, 3) to linear Rec. 709, in place, and returns it with notes.
@@ -59,7 +59,7 @@ def in_rec709(
     return image, (note,)
 
 
-def matrix_to_rec709(chromaticities: Sequence[tuple[float, float]]) -> np.ndarray:
+def build_matrix_to_rec709(chromaticities: Sequence[tuple[float, float]]) -> np.ndarray:
     """Matrix (3, 3), float64, from radiance in these primaries to linear Rec. 709.
 
     M = inverse(P709) A P. P is the matrix from the primaries to XYZ, scaled so that (1, 1, 1) is the white; A is the
@@ -89,17 +89,17 @@ def matrix_to_rec709(chromaticities: Sequence[tuple[float, float]]) -> np.ndarra
     if np.allclose(xy[:3], _XYZ, rtol=0, atol=_ROUNDING):
         adapted = np.diag(1 / luminance)  # the stored values are X, Y, Z, whatever the white is
     else:
-        adapted = _adaptation(white, _matrix_of_rec709().sum(1))
-    return np.linalg.solve(_matrix_of_rec709(), adapted @ to_xyz)
+        adapted = _build_adaptation(white, _build_matrix_of_rec709().sum(1))
+    return np.linalg.solve(_build_matrix_of_rec709(), adapted @ to_xyz)
 
 
-def _matrix_of_rec709() -> np.ndarray:
+def _build_matrix_of_rec709() -> np.ndarray:
     xy = np.array(REC_709)
     primaries = np.column_stack([xy, 1 - xy.sum(1)]).T
     return primaries[:, :3] * np.linalg.solve(primaries[:, :3], primaries[:, 3] / xy[3, 1])
 
 
-def _adaptation(white: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _build_adaptation(white: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Matrix (3, 3) that maps one white (XYZ) to another by scaling the cone responses."""
     scale = np.diag((_BRADFORD @ wanted) / (_BRADFORD @ white))
     return np.linalg.solve(_BRADFORD, scale @ _BRADFORD)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from glossbench.envmap.formats.decoded import Decoded
-from glossbench.envmap.formats.refusals import check_fits, check_size, damaged
+from glossbench.envmap.formats.image_content import ImageContent
+from glossbench.envmap.formats.refusals import check_fits, check_size, make_damage_error
 from glossbench.errors import InputError
 
 KIND = "a DDS cube map"
@@ -20,7 +20,7 @@ _KNOWN = (
 )
 
 
-def read_dds(path: Path) -> Decoded:
+def read_dds(path: Path) -> ImageContent:
     """The first MIP level as a vertical strip (6 R, R, 3), float32: the faces +X, -X, +Y, -Y, +Z, -Z, top to bottom.
 
     The cube is left-handed: +X right, +Y up, +Z forward, each face seen from inside; alpha is dropped.
@@ -35,12 +35,12 @@ def read_dds(path: Path) -> Decoded:
     with path.open("rb") as file:
         data = file.read(_HEADER + 20)
     if len(data) < _HEADER:
-        raise damaged(path, KIND, f"{len(data)} of {_HEADER} bytes of the header are there")
+        raise make_damage_error(path, KIND, f"{len(data)} of {_HEADER} bytes of the header are there")
     size, flags, height, width, _, _, n_levels = struct.unpack_from("<7I", data, 4)
     format_size, format_flags, fourcc = struct.unpack_from("<2I4s", data, 76)
     caps2 = struct.unpack_from("<I", data, 112)[0]
     if (size, format_size) != (124, 32):
-        raise damaged(path, KIND, f"its header sizes must be 124 and 32, are {size} and {format_size}")
+        raise make_damage_error(path, KIND, f"its header sizes must be 124 and 32, but are {size} and {format_size}")
     start, name = _HEADER, f"fourCC {int.from_bytes(fourcc, 'little')}"
     dtype, channels = _FOURCC.get(int.from_bytes(fourcc, "little"), ("", 0))
     is_cube = bool(caps2 & _CUBE) and caps2 & _ALL_FACES == _ALL_FACES
@@ -48,7 +48,7 @@ def read_dds(path: Path) -> Decoded:
         dtype, name = "", "without a fourCC"
     elif fourcc == b"DX10":
         if len(data) < _HEADER + 20:
-            raise damaged(path, KIND, "its extended header is cut short")
+            raise make_damage_error(path, KIND, "its extended header is cut short")
         dxgi, dimension, misc, n_cubes, _ = struct.unpack_from("<5I", data, _HEADER)
         start, name = _HEADER + 20, f"DXGI format {dxgi}"
         dtype, channels = _DXGI.get(dxgi, ("", 0))
@@ -56,20 +56,20 @@ def read_dds(path: Path) -> Decoded:
     elif fourcc.isalnum():
         name = f"fourCC {fourcc.decode('ascii', 'replace')}"
     if not is_cube:
-        raise InputError(f"{path}: must be one cube map with all six faces, is another texture")
+        raise InputError(f"{path}: must be one cube map with all six faces, but is another texture")
     if not dtype:
         raise InputError(f"{path}: its pixel format is {name}; known: {_KNOWN}")
     check_size(path, KIND, width, 6 * height)
     if width != height:
-        raise damaged(path, KIND, f"its faces must be square, are {width}x{height}")
+        raise make_damage_error(path, KIND, f"its faces must be square, but are {width}x{height}")
     n_levels = n_levels if flags & _HAS_LEVELS else 1
     if n_levels > width.bit_length():
-        raise damaged(path, KIND, f"{n_levels} MIP levels of {width}x{width} pixels")
+        raise make_damage_error(path, KIND, f"{n_levels} MIP levels of {width}x{width} pixels")
     pixel = np.dtype(dtype).itemsize * channels
     face = pixel * sum(max(width >> level, 1) ** 2 for level in range(max(n_levels, 1)))
     if n_bytes - start < 6 * face:
-        raise damaged(path, KIND, f"{n_bytes - start} of {6 * face} bytes of pixels are there")
+        raise make_damage_error(path, KIND, f"{n_bytes - start} of {6 * face} bytes of pixels are there")
     check_fits(path, width, 6 * height)
     faces = np.fromfile(path, np.uint8, 6 * face, offset=start).reshape(6, face)[:, : pixel * width * width]
     texels = np.ascontiguousarray(faces).view(dtype).reshape(6 * width, width, channels)
-    return Decoded(texels[..., :3].astype(np.float32))
+    return ImageContent(texels[..., :3].astype(np.float32))

@@ -11,11 +11,11 @@ import OpenImageIO as oiio
 from torch import Tensor
 
 from glossbench.atomic import replacing
-from glossbench.envmap.formats.chromaticities import in_rec709
-from glossbench.envmap.formats.decoded import Covering, Decoded
-from glossbench.envmap.formats.exr_layers import Layer, colour_layer
-from glossbench.envmap.formats.refusals import check_fits, check_size, damaged, last_error
-from glossbench.errors import CannotWrite, InputError
+from glossbench.envmap.formats.chromaticities import convert_to_rec709
+from glossbench.envmap.formats.exr_layers import Layer, choose_layer
+from glossbench.envmap.formats.image_content import Covering, ImageContent
+from glossbench.envmap.formats.refusals import check_fits, check_size, make_damage_error, take_last_error
+from glossbench.errors import InputError, WriteError
 
 KIND = "an OpenEXR image"
 _BLOCK = 2**26  # bytes of pixels read at a time
@@ -25,7 +25,7 @@ _ENVMAP = {"LatLong Environment": ("lat_long", "mitsuba"), "CubeFace Environment
 _LAT_LONG_NOTE = "by its attribute envmap +z is in the centre, -x right of it (axes mitsuba); `axes: forward` wins"
 
 
-def read_exr(path: Path, layer: str | None = None) -> Decoded:
+def read_exr(path: Path, layer: str | None = None) -> ImageContent:
     """Radiance (H, W, 3), float32, of level 0 of the display window; pixels outside the data window are black.
 
     It is read from a named layer, or from the layer that holds all of the light (see `exr_layers`). Unsigned integers
@@ -44,16 +44,16 @@ def read_exr(path: Path, layer: str | None = None) -> Decoded:
     """
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise _unopened(path, last_error(oiio.geterror))
+        raise _make_open_error(path, take_last_error(oiio.geterror))
     try:
-        parts = _parts(path, source)
-        chosen, notes = colour_layer(path, parts, layer)
+        parts = _read_parts(path, source)
+        chosen, notes = choose_layer(path, parts, layer)
         spec = parts[chosen.part]
         if spec.deep:
             raise InputError(f"{path}: a deep image has no single radiance per pixel; flatten it first")
-        notes += _windows(path, spec) + _shape_of_pixels(spec)
+        notes += _compare_windows(path, spec) + _note_pixel_shape(spec)
         check_fits(path, spec.full_width, spec.full_height)
-        image, n_transparent = _whole(path, source, spec, chosen)
+        image, n_transparent = _read_picture(path, source, spec, chosen)
     finally:
         source.close()
     if n_transparent:
@@ -62,9 +62,9 @@ def read_exr(path: Path, layer: str | None = None) -> Decoded:
     if stated is not None and len(set(chosen.channels)) > 1:
         pairs = tuple(zip(stated[::2], stated[1::2], strict=True))
         told = "the chromaticities " + " ".join(f"({x:.4g}, {y:.4g})" for x, y in pairs)
-        image, more = in_rec709(image, pairs, told)
+        image, more = convert_to_rec709(image, pairs, told)
         notes += more
-    return Decoded(image, notes, _covering(spec))
+    return ImageContent(image, notes, _read_covering(spec))
 
 
 def write_exr(
@@ -97,7 +97,7 @@ def write_exr(
     try:
         OpenEXR.File(header, content).write(coded)
     except RuntimeError as error:
-        raise CannotWrite(path, " ".join(str(error).split())) from None
+        raise WriteError(path, " ".join(str(error).split())) from None
     with replacing(path) as part:
         part.write_bytes(coded.getbuffer())
 
@@ -107,33 +107,33 @@ def check_exr_name(path: Path) -> None:
     if path.suffix.lower() != ".exr":
         raise InputError(f"{path}: the extension must be .exr, got {path.suffix!r}")
     if path.is_dir():
-        raise InputError(f"{path}: must be a file to write, is a folder")
+        raise InputError(f"{path}: must be a file, but is a folder")
     if not path.parent.is_dir():
         raise InputError(f"{path}: cannot be written: No such file or directory")
 
 
-def _unopened(path: Path, reason: str) -> InputError:
+def _make_open_error(path: Path, reason: str) -> InputError:
     """The error for a file that the library does not open."""
     subsampled = re.findall(r'Subsampled channels are not supported \(channel "([^"]*)"', reason)
     if subsampled:
         chroma = "luminance and chroma (Y, RY, BY), not R, G, B" if {"RY", "BY"} & set(subsampled) else ""
         what = chroma or f"channels of fewer pixels than the others ({', '.join(subsampled)})"
         return InputError(f"{path}: holds {what}; convert it to R, G, B first")
-    return damaged(path, KIND, reason)
+    return make_damage_error(path, KIND, reason)
 
 
-def _parts(path: Path, source: oiio.ImageInput) -> list[oiio.ImageSpec]:
+def _read_parts(path: Path, source: oiio.ImageInput) -> list[oiio.ImageSpec]:
     """The header of every part; InputError if one is too large."""
     parts: list[oiio.ImageSpec] = []
     while source.seek_subimage(len(parts), 0):
         parts.append(source.spec())
         check_size(path, KIND, parts[-1].width, parts[-1].height)
         check_size(path, KIND, parts[-1].full_width, parts[-1].full_height)
-    last_error(source.geterror)  # clears the error that there is no further part
+    take_last_error(source.geterror)  # clears the error that there is no further part
     return parts
 
 
-def _windows(path: Path, spec: oiio.ImageSpec) -> tuple[str, ...]:
+def _compare_windows(path: Path, spec: oiio.ImageSpec) -> tuple[str, ...]:
     """A note if data window and display window differ; InputError if they do not overlap."""
     data, display = (
         (spec.x, spec.y, spec.width, spec.height),
@@ -143,13 +143,13 @@ def _windows(path: Path, spec: oiio.ImageSpec) -> tuple[str, ...]:
         return ()
     where = "its data window is {2} x {3} at ({0}, {1})".format(*data)
     where += ", its display window {2} x {3} at ({0}, {1})".format(*display)
-    inside = _overlap(spec)
+    inside = _find_overlap(spec)
     if min(inside[2] - inside[0], inside[3] - inside[1]) < 1:
         raise InputError(f"{path}: no pixel is within the picture: {where}")
     return (f"the picture is the display window, black without data: {where}",)
 
 
-def _overlap(spec: oiio.ImageSpec) -> tuple[int, int, int, int]:
+def _find_overlap(spec: oiio.ImageSpec) -> tuple[int, int, int, int]:
     """(first column, first row, end column, end row) of the pixels that are in the display window."""
     return (
         max(spec.x, spec.full_x),
@@ -159,12 +159,12 @@ def _overlap(spec: oiio.ImageSpec) -> tuple[int, int, int, int]:
     )
 
 
-def _shape_of_pixels(spec: oiio.ImageSpec) -> tuple[str, ...]:
+def _note_pixel_shape(spec: oiio.ImageSpec) -> tuple[str, ...]:
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
-    return () if abs(aspect - 1) < 1e-3 else (f"its pixelAspectRatio of {aspect:g} is left out of account",)
+    return () if abs(aspect - 1) < 1e-3 else (f"its pixelAspectRatio of {aspect:g} is ignored",)
 
 
-def _covering(spec: oiio.ImageSpec) -> Covering | None:
+def _read_covering(spec: oiio.ImageSpec) -> Covering | None:
     """How the picture covers the sphere, if the header states it."""
     projection = spec.get_string_attribute(_PROJECTION)
     if projection:
@@ -176,7 +176,7 @@ def _covering(spec: oiio.ImageSpec) -> Covering | None:
     return Covering(projection, axes, "its attribute envmap", _LAT_LONG_NOTE if projection == "lat_long" else "")
 
 
-def _whole(path: Path, source: oiio.ImageInput, wanted: oiio.ImageSpec, layer: Layer) -> tuple[np.ndarray, int]:
+def _read_picture(path: Path, source: oiio.ImageInput, wanted: oiio.ImageSpec, layer: Layer) -> tuple[np.ndarray, int]:
     """The picture (H, W, 3) and the number of its transparent pixels; the rest of the file is read too, as a check."""
     used = [*layer.channels, *([] if layer.alpha is None else [layer.alpha])]
     first, end = min(used), max(used) + 1
@@ -184,19 +184,19 @@ def _whole(path: Path, source: oiio.ImageInput, wanted: oiio.ImageSpec, layer: L
     # The library maps integers to [0, 1].
     scale = np.array([2.0**32 - 1 if formats[c] == oiio.UINT32 else 1 for c in layer.channels], np.float32)
     image = np.zeros((wanted.full_height, wanted.full_width, 3), np.float32)
-    left, top, right, bottom = _overlap(wanted)
+    left, top, right, bottom = _find_overlap(wanted)
     n_transparent = 0
     part = level = 0
     while source.seek_subimage(part, level):
         spec = source.spec()
         is_wanted = (part, level) == (layer.part, 0)
         channels = (first, end) if is_wanted else (0, 1)
-        step = _block(spec, channels[1] - channels[0])
+        step = _choose_block(spec, channels[1] - channels[0])
         for row in [] if spec.deep else range(spec.y, spec.y + spec.height, step):
             last = min(row + step, spec.y + spec.height)
             pixels = _read_rows(source, spec, part, level, row, last, channels)
             if pixels is None:
-                raise damaged(path, KIND, last_error(source.geterror))
+                raise make_damage_error(path, KIND, take_last_error(source.geterror))
             rows = slice(max(row, top) - row, min(last, bottom) - row)
             if is_wanted and rows.start < rows.stop:
                 shown = pixels[rows, left - spec.x : right - spec.x]
@@ -207,11 +207,11 @@ def _whole(path: Path, source: oiio.ImageInput, wanted: oiio.ImageSpec, layer: L
                 if layer.alpha is not None:
                     n_transparent += int((shown[..., layer.alpha - first] < 1).sum())
         part, level = (part, level + 1) if source.seek_subimage(part, level + 1) else (part + 1, 0)
-    last_error(source.geterror)
+    take_last_error(source.geterror)
     return image, n_transparent
 
 
-def _block(spec: oiio.ImageSpec, n_channels: int) -> int:
+def _choose_block(spec: oiio.ImageSpec, n_channels: int) -> int:
     """Number of rows to read at a time, about 64 MB: whole tiles, or whole blocks of rows that are coded together."""
     together = spec.tile_height or spec.get_int_attribute("oiio:RowsPerChunk", 1)
     return max(1, _BLOCK // (4 * n_channels * spec.width * together)) * together

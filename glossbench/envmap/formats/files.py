@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from glossbench.envmap.formats import dds, exr, hdr, ldr, pfm
-from glossbench.envmap.formats.decoded import Decoded
 from glossbench.envmap.formats.exr import write_exr
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.formats.radiance import fit_to_be_light
-from glossbench.envmap.formats.signatures import recognised, what_to_do
+from glossbench.envmap.formats.signatures import advise, recognise
 from glossbench.errors import InputError
 
 __all__ = ["read_file", "read_image", "read_pixels", "write_exr"]
@@ -38,7 +38,7 @@ def read_pixels(path: str | Path, layer: str | None = None, ldr: bool = False) -
     return torch.from_numpy(read_file(path, layer, ldr).image)
 
 
-def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> Decoded:
+def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> ImageContent:
     """The image of a file, with notes about how it was read.
 
     Args:
@@ -50,7 +50,7 @@ def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> 
             2^28.
     """
     path = Path(path)
-    suffix = _checked_suffix(path, ldr)
+    suffix = _check_suffix(path, ldr)
     if layer is not None and suffix != ".exr":
         raise InputError(f"{path}: only an OpenEXR image has layers, got layer {layer!r}")
     try:
@@ -62,7 +62,7 @@ def read_file(path: str | Path, layer: str | None = None, ldr: bool = False) -> 
     return decoded._replace(image=np.ascontiguousarray(decoded.image))
 
 
-def _decode(path: Path, suffix: str, layer: str | None, is_ldr: bool) -> Decoded:
+def _decode(path: Path, suffix: str, layer: str | None, is_ldr: bool) -> ImageContent:
     if suffix == ".exr":
         return exr.read_exr(path, layer)
     if suffix in ldr.KINDS:
@@ -70,31 +70,31 @@ def _decode(path: Path, suffix: str, layer: str | None, is_ldr: bool) -> Decoded
     return {".hdr": hdr.read_hdr, ".pfm": pfm.read_pfm, ".dds": dds.read_dds}[suffix](path)
 
 
-def _checked_suffix(path: Path, is_ldr: bool) -> str:
+def _check_suffix(path: Path, is_ldr: bool) -> str:
     """The extension; InputError if it is unknown, the file cannot be read, or its first bytes are of another format."""
     suffix = path.suffix.lower()
     kind = (_FLOATS | ldr.KINDS).get(suffix)
     if suffix in (".png", ".jpg", ".jpeg") and not is_ldr:
-        raise ldr.not_asked_for(path)
+        raise ldr.make_ldr_error(path)
     if kind is None and not path.is_file():
         raise InputError(f"{path}: unknown extension {path.suffix!r}; known: {', '.join(_FLOATS)}")
     if path.is_dir():
-        raise InputError(f"{path}: must be an image file, is a folder")
+        raise InputError(f"{path}: must be an image file, but is a folder")
     if not path.exists():
         raise InputError(f"{path}: no such file")
     if not path.is_file():
-        raise InputError(f"{path}: must be an image file, is a device or pipe")
+        raise InputError(f"{path}: must be an image file, but is a device or a pipe")
     try:
         with path.open("rb") as file:
             head = file.read(24)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    begins = f"it begins with {head[:8]!r}{what_to_do(head)}"
+    begins = f"it begins with {head[:8]!r}{advise(head)}"
     if kind is None:
         raise InputError(f"{path}: unknown extension {path.suffix!r}; known: {', '.join(_FLOATS)}; {begins}")
     if not head:
         raise InputError(f"{path}: is empty (0 bytes)")
-    found = recognised(head)
+    found = recognise(head)
     if found is None or found.kind != kind:
         raise InputError(f"{path}: is not {kind}: {begins}")
     return suffix

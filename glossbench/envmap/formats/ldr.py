@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from glossbench.envmap.formats.decoded import Decoded
-from glossbench.envmap.formats.refusals import check_fits, check_size, damaged, last_error
+from glossbench.envmap.formats.image_content import ImageContent
+from glossbench.envmap.formats.refusals import check_fits, check_size, make_damage_error, take_last_error
 from glossbench.errors import InputError
-from glossbench.srgb import decoded
+from glossbench.srgb import decode
 
 KINDS = {".png": "a PNG image", ".jpg": "a JPEG image", ".jpeg": "a JPEG image", ".tif": "a TIFF image",
          ".tiff": "a TIFF image"}  # fmt: skip
@@ -21,7 +21,7 @@ _FLOATS = (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
 _SRGB_IN_CICP = (1, 13)  # primaries and curve
 
 
-def read_ldr(path: Path, ldr: bool) -> Decoded:
+def read_ldr(path: Path, ldr: bool) -> ImageContent:
     """Colour (H, W, 3), float32; grey is repeated three times; alpha is dropped, and colour is not multiplied by it.
 
     Floats are radiance. Integers of 8 or 16 bits are mapped to [0, 1], then decoded from sRGB or from the power that a
@@ -38,32 +38,32 @@ def read_ldr(path: Path, ldr: bool) -> Decoded:
         file.seek(max(n_bytes - 1024, 0))
         tail = file.read()
     if any(magic.startswith(start) and end not in tail for start, end in _END.items()):
-        raise damaged(path, kind, "its end is missing")
+        raise make_damage_error(path, kind, "its end is missing")
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), config)
     if source is None:
-        raise damaged(path, kind, last_error(oiio.geterror))
+        raise make_damage_error(path, kind, take_last_error(oiio.geterror))
     try:
         spec = source.spec()
         check_size(path, kind, spec.width, spec.height)
         if spec.width * spec.height > _PIXELS_A_BYTE * n_bytes:
-            raise damaged(path, kind, f"{n_bytes} bytes cannot hold {spec.width} x {spec.height} pixels")
+            raise make_damage_error(path, kind, f"{n_bytes} bytes cannot hold {spec.width} x {spec.height} pixels")
         _check_coding(path, spec, ldr)
         check_fits(path, spec.width, spec.height)
         pixels = source.read_image(spec.format if spec.format.basetype in _INTEGERS else oiio.FLOAT)
         if pixels is None or source.has_error:
-            raise damaged(path, kind, last_error(source.geterror))
+            raise make_damage_error(path, kind, take_last_error(source.geterror))
         notes = ["the first of its pages is read"] if source.seek_subimage(1, 0) else []
-        last_error(source.geterror)  # clears the error that there is no further page
+        take_last_error(source.geterror)  # clears the error that there is no further page
     finally:
         source.close()
-    image = _upright(pixels[..., [0, 1, 2] if spec.nchannels > 2 else [0, 0, 0]], spec)
+    image = _turn_upright(pixels[..., [0, 1, 2] if spec.nchannels > 2 else [0, 0, 0]], spec)
     if spec.format.basetype in _FLOATS:
-        return Decoded(np.ascontiguousarray(image), tuple(notes))
+        return ImageContent(np.ascontiguousarray(image), tuple(notes))
     n_values = _INTEGERS[spec.format.basetype]
-    linear, notes_of_colour = _curve(spec, np.arange(n_values) / (n_values - 1))
-    return Decoded(linear.astype(np.float32)[image], (*notes, *notes_of_colour))
+    linear, notes_of_colour = _linearize(spec, np.arange(n_values) / (n_values - 1))
+    return ImageContent(linear.astype(np.float32)[image], (*notes, *notes_of_colour))
 
 
 def _check_coding(path: Path, spec: oiio.ImageSpec, ldr: bool) -> None:
@@ -78,18 +78,18 @@ def _check_coding(path: Path, spec: oiio.ImageSpec, ldr: bool) -> None:
     if base not in _INTEGERS:
         raise InputError(f"{path}: holds integers of the type {spec.format}; convert them to floats or .exr")
     if not ldr:
-        raise not_asked_for(path)
+        raise make_ldr_error(path)
     cicp = spec.getattribute("CICP")
     if cicp is not None and tuple(cicp[:2]) != _SRGB_IN_CICP:
         raise InputError(f"{path}: states the colours CICP {tuple(cicp)}, which are not read; convert it to .exr")
 
 
-def not_asked_for(path: Path) -> InputError:
+def make_ldr_error(path: Path) -> InputError:
     """The error for an image of integers without `ldr`."""
     return InputError(f"{path}: is not a high-dynamic-range image; to use its integers as radiance set ldr: true")
 
 
-def _curve(spec: oiio.ImageSpec, values: np.ndarray) -> tuple[np.ndarray, list[str]]:
+def _linearize(spec: oiio.ImageSpec, values: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """Linear light of values in [0, 1], and notes."""
     notes = []
     profile = spec.get_string_attribute("ICCProfile:profile_description")
@@ -101,10 +101,10 @@ def _curve(spec: oiio.ImageSpec, values: np.ndarray) -> tuple[np.ndarray, list[s
     # Programs that write sRGB state it as the number 2.2.
     if gamma and abs(gamma - 2.2) > 0.01:
         return values**gamma, [*notes, f"decoded by the power {gamma:.4g} that it states"]
-    return decoded(values), notes
+    return decode(values), notes
 
 
-def _upright(pixels: np.ndarray, spec: oiio.ImageSpec) -> np.ndarray:
+def _turn_upright(pixels: np.ndarray, spec: oiio.ImageSpec) -> np.ndarray:
     """Pixels in upright order, whatever the orientation in the file is."""
     orientation = spec.get_int_attribute("Orientation", 1)
     if orientation == 1 or prod(pixels.shape) == 0:

@@ -29,7 +29,7 @@ def fit_to_be_light(path: Path, image: np.ndarray, invalid: Invalid = "refuse") 
             ("not negative", is_negative),
         ):
             if bad.any():
-                raise InputError(f"{path}: radiance must be {rule}, but {_where(image, bad)}")
+                raise InputError(f"{path}: radiance must be {rule}, but {_locate_bad_pixels(image, bad)}")
     largest = image[~(is_nan | is_large | is_negative)].max(initial=0)
     for bad, value in ((is_nan, 0), (is_negative, 0), (is_large, largest)):
         image[bad] = value
@@ -42,7 +42,7 @@ def fit_to_be_light(path: Path, image: np.ndarray, invalid: Invalid = "refuse") 
     return (f"invalid values of {n_pixels} of {image.shape[0] * image.shape[1]} pixels set: {', '.join(done)}",)
 
 
-def _where(image: np.ndarray, bad: np.ndarray) -> str:
+def _locate_bad_pixels(image: np.ndarray, bad: np.ndarray) -> str:
     """The number of bad pixels, and the first of them."""
     pixels = bad.any(2)
     row, column = np.argwhere(pixels)[0].tolist()

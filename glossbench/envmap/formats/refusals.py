@@ -10,7 +10,7 @@ MAX_PIXELS = 2**28  # 3 GB as float32 RGB: a header that claims more is taken as
 _BYTES_A_PIXEL = 100  # per pixel of a light: decoded 12 and 16, resampled 36, and 1.5 texels of its cube map
 
 
-def damaged(path: Path, kind: str, reason: str) -> InputError:
+def make_damage_error(path: Path, kind: str, reason: str) -> InputError:
     """The error for a file whose bytes violate its format, in one line even if the library reports several."""
     # Libraries repeat the path, and may report one fault in several lines: the first line names the fault.
     first = next((line for line in reason.strip().splitlines() if line), "no reason given")
@@ -20,7 +20,7 @@ def damaged(path: Path, kind: str, reason: str) -> InputError:
 def check_size(path: Path, kind: str, width: int, height: int) -> None:
     """Raises InputError if a header claims no pixels, or more than 2^28."""
     if min(width, height) < 1:
-        raise damaged(path, kind, f"it must have at least 1x1 pixels, its header claims {width}x{height}")
+        raise make_damage_error(path, kind, f"it must have at least 1x1 pixels, its header claims {width}x{height}")
     if width * height > MAX_PIXELS:
         raise InputError(f"{path}: must have at most {MAX_PIXELS} pixels, its header claims {width} x {height}")
 
@@ -30,7 +30,7 @@ def check_fits(path: Path, width: int, height: int) -> None:
     check_memory(f"{path}: an image of {width} x {height} pixels", _BYTES_A_PIXEL * width * height)
 
 
-def last_error(report: Callable[[], str]) -> str:
+def take_last_error(report: Callable[[], str]) -> str:
     """The last error message of the library; reading it clears it."""
     try:
         return report()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glossbench.envmap.formats.refusals import check_fits, damaged
+from glossbench.envmap.formats.refusals import check_fits, make_damage_error
 
 _SCALE = np.ldexp(np.float32(1), np.arange(256) - 136)  # factor of a mantissa, by exponent
 _SCALE[0] = 0
@@ -25,7 +25,7 @@ def read_pixels(path: Path, kind: str, start: int, n_lines: int, n_pixels: int) 
     n_bytes = path.stat().st_size - start
     if n_bytes < 4 * n_lines:
         claimed = f"the {n_lines} x {n_pixels} pixels that its header claims"
-        raise damaged(path, kind, f"too few bytes for {claimed}: {max(n_bytes, 0)}")
+        raise make_damage_error(path, kind, f"too few bytes for {claimed}: {max(n_bytes, 0)}")
     check_fits(path, n_pixels, n_lines)
     with path.open("rb") as file:
         file.seek(start)
@@ -33,11 +33,11 @@ def read_pixels(path: Path, kind: str, start: int, n_lines: int, n_pixels: int) 
     marker = bytes([2, 2, *divmod(n_pixels, 256)]) if 8 <= n_pixels < 2**15 else b""
     if marker and data[:2] == marker[:2] and data[2] < 128 and data[2:4] != marker[2:]:
         stated = 256 * data[2] + data[3]
-        raise damaged(path, kind, f"a scanline states {stated} pixels, its header {n_pixels}")
+        raise make_damage_error(path, kind, f"a scanline states {stated} pixels, its header {n_pixels}")
     if not marker or marker not in data:
-        rgbe, _ = _records(path, kind, data, 0, n_lines * n_pixels, n_bytes == 4 * n_lines * n_pixels)
+        rgbe, _ = _decode_records(path, kind, data, 0, n_lines * n_pixels, n_bytes == 4 * n_lines * n_pixels)
     else:
-        rgbe = _scanlines(path, kind, data, n_lines, n_pixels, marker)
+        rgbe = _decode_scanlines(path, kind, data, n_lines, n_pixels, marker)
     image = np.empty((n_lines * n_pixels, 3), np.float32)
     for at in range(0, len(image), _AT_ONCE):
         some = rgbe[at : at + _AT_ONCE]
@@ -45,27 +45,31 @@ def read_pixels(path: Path, kind: str, start: int, n_lines: int, n_pixels: int) 
     return image.reshape(n_lines, n_pixels, 3)
 
 
-def _scanlines(path: Path, kind: str, data: bytes, n_lines: int, n_pixels: int, marker: bytes) -> np.ndarray:
+def _decode_scanlines(path: Path, kind: str, data: bytes, n_lines: int, n_pixels: int, marker: bytes) -> np.ndarray:
     """Pixels (N, 4) of scanlines, each of which may have the new or the old coding."""
     rgbe = np.empty((n_lines, n_pixels, 4), np.uint8)
     at = 0
     for line in range(n_lines):
         head = data[at : at + 4]
         if head[:2] != marker[:2] or head[2:3] >= b"\x80":
-            rgbe[line], at = _records(path, kind, data, at, n_pixels, False)
+            rgbe[line], at = _decode_records(path, kind, data, at, n_pixels, False)
             continue
         if head != marker:
-            raise damaged(path, kind, f"scanline {line} does not state its {n_pixels} pixels, but {head[2:].hex(' ')}")
+            raise make_damage_error(
+                path, kind, f"scanline {line} does not state its {n_pixels} pixels, but {head[2:].hex(' ')}"
+            )
         at += 4
         for channel in range(4):
-            plane, at = _plane(data, at, n_pixels)
+            plane, at = _decode_plane(data, at, n_pixels)
             if len(plane) != n_pixels:
-                raise damaged(path, kind, f"its runs make {len(plane)} of {n_pixels} pixels of scanline {line}")
+                raise make_damage_error(
+                    path, kind, f"its runs make {len(plane)} of {n_pixels} pixels of scanline {line}"
+                )
             rgbe[line, :, channel] = np.frombuffer(plane, np.uint8)
     return rgbe.reshape(-1, 4)
 
 
-def _plane(data: bytes, at: int, n_pixels: int) -> tuple[bytes, int]:
+def _decode_plane(data: bytes, at: int, n_pixels: int) -> tuple[bytes, int]:
     """One channel of a scanline in the new coding, with the length of its runs, and the byte where it ends."""
     parts, n_done = [], 0
     while n_done < n_pixels and at + 1 < len(data):
@@ -83,7 +87,9 @@ def _plane(data: bytes, at: int, n_pixels: int) -> tuple[bytes, int]:
     return b"".join(parts), at
 
 
-def _records(path: Path, kind: str, data: bytes, at: int, n_pixels: int, is_flat: bool) -> tuple[np.ndarray, int]:
+def _decode_records(
+    path: Path, kind: str, data: bytes, at: int, n_pixels: int, is_flat: bool
+) -> tuple[np.ndarray, int]:
     """Pixels (N, 4) that are flat or in the old run-length coding, and the byte where they end.
 
     A record 1, 1, 1, n cannot be a normalised pixel: it repeats the pixel before it n times, or n 256^k times if k such
@@ -93,7 +99,7 @@ def _records(path: Path, kind: str, data: bytes, at: int, n_pixels: int, is_flat
     records = np.frombuffer(data, np.uint8, n_records * 4, at).reshape(-1, 4)
     is_run = (records[:, :3] == 1).all(1) & (not is_flat)
     if is_run[:1].any():
-        raise damaged(path, kind, "it begins with a repetition of nothing")
+        raise make_damage_error(path, kind, "it begins with a repetition, before any pixel")
     if n_records == n_pixels and not is_run.any():
         return records, at + 4 * n_pixels
     index = np.arange(n_records)
@@ -104,5 +110,5 @@ def _records(path: Path, kind: str, data: bytes, at: int, n_pixels: int, is_flat
     n_used = int(np.searchsorted(ends, n_pixels)) + 1
     if n_used > n_records or ends[n_used - 1] != n_pixels:
         have = ends[-1] if n_records else 0
-        raise damaged(path, kind, f"its runs make {have} pixels, its header claims {n_pixels}")
+        raise make_damage_error(path, kind, f"its runs make {have} pixels, its header claims {n_pixels}")
     return records[np.repeat(pixel[:n_used], np.diff(ends[:n_used], prepend=0))], at + 4 * n_used

@@ -46,14 +46,14 @@ _NO_IMAGE = {
 }  # fmt: skip
 
 
-def recognised(head: bytes) -> Signature | None:
+def recognise(head: bytes) -> Signature | None:
     """The format of a file with these first bytes; None if it is not known."""
     return next((s for s in _SIGNATURES if head[s.offset :].startswith(s.start)), None)
 
 
-def what_to_do(head: bytes) -> str:
+def advise(head: bytes) -> str:
     """The end of a sentence that names the format and what to do about it; "" if the format is not known."""
-    found = recognised(head)
+    found = recognise(head)
     if found is None:
         return ""
     name_it = f"name it {found.extension}" if found.extension else "convert it to .exr"

@@ -2,7 +2,7 @@
 
 from functools import cached_property
 
-from glossbench.catalog.entries import entries, entry, fetch
+from glossbench.catalog.entries import fetch, find_entry, list_entries
 from glossbench.catalog.naming import register_entries
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.facts import LightFacts
@@ -23,7 +23,7 @@ class CatalogLight(Light):
     @cached_property
     def _file(self) -> FileLight:
         """The light of the verified file, which is fetched if it is not on this machine."""
-        stated = entry(self.name)
+        stated = find_entry(self.name)
         return FileLight.create({"file": str(fetch(self.name)), "resolution": self.resolution, **stated.reading})
 
     def cubemap(self) -> CubeMap:
@@ -43,4 +43,4 @@ class CatalogLight(Light):
         return self._file.key()
 
 
-register_entries(LIGHTS, CatalogLight, entries("environment"), CatalogLight)
+register_entries(LIGHTS, CatalogLight, list_entries("environment"), CatalogLight)

@@ -48,7 +48,7 @@ class LightFacts:
     image_peak: float | None = None
 
 
-def facts(
+def collect_facts(
     cubemap: CubeMap, projection: str | None = None, image: Tensor | None = None, axes: str | None = None
 ) -> LightFacts:
     """Facts about a cube map and, if it comes from an image (H, W, 3), about this image."""
@@ -59,14 +59,14 @@ def facts(
     del order
     area, flux, peak = share.cumsum(0), share.mul_(luminance).cumsum_(0), luminance[0].item()
     n_lit = int((luminance > 0).sum())
-    dim = _at(area[:n_lit], luminance[:n_lit], 0.99 * area[n_lit - 1].item()) if peak > 0 else 1.0
+    dim = _find_at(area[:n_lit], luminance[:n_lit], 0.99 * area[n_lit - 1].item()) if peak > 0 else 1.0
     e = cubemap.irradiance(vec3(torch.tensor([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))).tolist()
     return LightFacts(
         resolution=resolution,
         mean=tuple(cubemap.mean().tolist()),
         peak=peak,
         dynamic_range=peak / dim if peak > 0 else 1.0,
-        brightest_share=_between(area, flux, 0.001 * 4 * pi) / flux[-1].item() if peak > 0 else 0.0,
+        brightest_share=_interpolate(area, flux, 0.001 * 4 * pi) / flux[-1].item() if peak > 0 else 0.0,
         irradiance_up=tuple(e[0]),
         irradiance_right=tuple(e[1]),
         irradiance_forward=tuple(e[2]),
@@ -83,12 +83,12 @@ def _luminance(image: Tensor) -> Tensor:
     return (image.double() @ torch.tensor(LUMINANCE).double()).float().flatten()
 
 
-def _at(x: Tensor, y: Tensor, value: float) -> float:
+def _find_at(x: Tensor, y: Tensor, value: float) -> float:
     """y at the first point where the increasing x reaches a value."""
     return y[torch.searchsorted(x, value).clamp(max=len(x) - 1)].item()
 
 
-def _between(x: Tensor, y: Tensor, value: float) -> float:
+def _interpolate(x: Tensor, y: Tensor, value: float) -> float:
     """y at a value of the increasing x, linear between (0, 0) and the points."""
     i = int(torch.searchsorted(x, value).clamp(max=len(x) - 1))
     x0, y0 = (x[i - 1].item(), y[i - 1].item()) if i else (0.0, 0.0)

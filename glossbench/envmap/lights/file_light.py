@@ -14,16 +14,16 @@ from torch import Tensor
 
 from glossbench.catalog.locate import locate
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.formats.decoded import Decoded
 from glossbench.envmap.formats.files import read_file
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.formats.radiance import Invalid, fit_to_be_light
-from glossbench.envmap.lights.facts import LightFacts, facts
+from glossbench.envmap.lights.facts import LightFacts, collect_facts
 from glossbench.envmap.lights.light import LIGHTS, Light
 from glossbench.envmap.projections.axes import Axes
 from glossbench.envmap.projections.conversion import Projection, to_cubemap
-from glossbench.envmap.projections.covering import Covered, covered
+from glossbench.envmap.projections.covering import CoveringChoice, resolve_covering
+from glossbench.file_guard import unchanged
 from glossbench.options import Resolution
-from glossbench.unchanged import unchanged
 
 
 @LIGHTS.register("file")
@@ -56,7 +56,7 @@ class FileLight(Light):
     invalid: Invalid = "refuse"
 
     @cached_property
-    def _decoded(self) -> Decoded:
+    def _decoded(self) -> ImageContent:
         """The content of the file, from which everything below follows."""
         path = locate(self.file)
         decoded = read_file(path, self.layer, self.ldr)
@@ -65,9 +65,9 @@ class FileLight(Light):
         return decoded._replace(notes=decoded.notes + fit_to_be_light(path, decoded.image, self.invalid))
 
     @cached_property
-    def _covered(self) -> Covered:
+    def _covered(self) -> CoveringChoice:
         """How the image covers the sphere."""
-        return covered(self._decoded.covers, self.projection, self.axes, *self._decoded.image.shape[:2])
+        return resolve_covering(self._decoded.covers, self.projection, self.axes, *self._decoded.image.shape[:2])
 
     @classmethod
     def file_of(cls, option: str, value: str) -> str | None:
@@ -91,7 +91,7 @@ class FileLight(Light):
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
         """Facts about the light, and how the file was read."""
         cubemap = self.cubemap() if cubemap is None else cubemap
-        return facts(cubemap, self._covered.projection, self.image(), self._covered.axes)
+        return collect_facts(cubemap, self._covered.projection, self.image(), self._covered.axes)
 
     def notes(self) -> tuple[str, ...]:
         """What was changed, left out or assumed when the file was read; each note begins with the file's name."""
@@ -105,16 +105,16 @@ class FileLight(Light):
         return f"file:{digest}:{json.dumps(reading, sort_keys=True)}"
 
 
-def file_or_name(text: str) -> tuple[str, dict[str, Any]]:
+def resolve_light(text: str) -> tuple[str, dict[str, Any]]:
     """The light that one word means: a registered name, or the path of an image file with its option."""
     return ("file", {"file": text}) if Path(text).suffix and text not in LIGHTS.names() else (text, {})
 
 
-def light_named(text: str, options: Mapping[str, Any]) -> Light:
+def make_light(text: str, options: Mapping[str, Any]) -> Light:
     """The light of a registered name or of an image file, with options.
 
     Raises:
         InputError: a name or option is unknown, or a value is out of bounds.
     """
-    name, stated = file_or_name(text)
+    name, stated = resolve_light(text)
     return LIGHTS.create(name, {**stated, **options})

@@ -1,8 +1,8 @@
 """Lights: named options that become a cube map."""
 
-from glossbench.catalog.naming import kind_in_catalog
+from glossbench.catalog.naming import explain_catalog_name
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.lights.facts import LightFacts, facts
+from glossbench.envmap.lights.facts import LightFacts, collect_facts
 from glossbench.options import Options
 from glossbench.registry import Registry
 
@@ -16,7 +16,7 @@ class Light(Options):
 
     def facts(self, cubemap: CubeMap | None = None) -> LightFacts:
         """Facts about the light; pass its cube map if it exists already."""
-        return facts(self.cubemap() if cubemap is None else cubemap)
+        return collect_facts(self.cubemap() if cubemap is None else cubemap)
 
 
-LIGHTS: Registry[Light] = Registry("light", "glossbench.envmap.lights", "glossbench.lights", kind_in_catalog)
+LIGHTS: Registry[Light] = Registry("light", "glossbench.envmap.lights", "glossbench.lights", explain_catalog_name)

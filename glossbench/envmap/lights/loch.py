@@ -9,7 +9,7 @@ from pydantic import Field
 from glossbench.directions import stack
 from glossbench.envmap.cubemap import CubeMap, texel_directions
 from glossbench.envmap.lights.light import LIGHTS, Light
-from glossbench.envmap.lights.placing import facing
+from glossbench.envmap.lights.placing import build_frame
 from glossbench.options import Finite, Resolution
 
 _ZENITH, _HORIZON = (0.15, 0.3, 0.65), (0.75, 0.8, 0.85)
@@ -47,7 +47,7 @@ class Loch(Light):
         d = stack(texel_directions(self.resolution, k)).double()
         up = d[..., 1:2].abs()
         sky = torch.lerp(torch.tensor(_ZENITH).double(), torch.tensor(_HORIZON).double(), (1 - up) ** 4)
-        sun = facing(self.azimuth, self.elevation)[0]
+        sun = build_frame(self.azimuth, self.elevation)[0]
         # The chord is exact for small angles, where the arccosine is not. The height of the reflection is divided by 3.
         offset = torch.stack([d[..., 0], d[..., 1].abs(), d[..., 2]], -1) - sun
         below = d[..., 1] < 0

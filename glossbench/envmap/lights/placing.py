@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 
-def facing(azimuth: float, elevation: float) -> Tensor:
+def build_frame(azimuth: float, elevation: float) -> Tensor:
     """Rows (3, 3), float64: the direction to a lamp, and right and up for a viewer who looks at it.
 
     toward = (sin a cos e, sin e, -cos a cos e), right = (cos a, 0, sin a), up = right x toward.

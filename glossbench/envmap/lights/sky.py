@@ -10,7 +10,7 @@ from torch import Tensor
 from glossbench.directions import Vec3, stack, vec3
 from glossbench.envmap.cubemap import CubeMap, face_coordinates, texel_directions, texel_solid_angles
 from glossbench.envmap.lights.light import LIGHTS, Light
-from glossbench.envmap.lights.placing import facing
+from glossbench.envmap.lights.placing import build_frame
 from glossbench.options import Color, Finite, NonNegative, Resolution
 
 SUN_RADIUS = radians(0.533 / 2)
@@ -99,7 +99,7 @@ class Sky(Light):
         weight = texel_solid_angles(r).expand(6, r, r)[above]
         sky = sky_radiance(vec3(up), self.elevation, self.azimuth, self.turbidity)
         sun = self.sun * sun_radiance(self.elevation, self.turbidity)
-        disc = _sun_disc(self.elevation, self.azimuth)
+        disc = _place_sun_disc(self.elevation, self.azimuth)
         irradiance = ((weight * up[:, 1])[:, None] * sky).sum(0) + SUN_SOLID_ANGLE / _SUN_POINTS * disc.y.sum() * sun
         faces = (torch.tensor(self.ground) * irradiance.float() / pi).repeat(6, r, r, 1)
         faces[above] = sky
@@ -118,7 +118,7 @@ def sky_radiance(d: Vec3, elevation: float, azimuth: float, turbidity: float) ->
     for rows in _ZENITH:
         polynomials = [sum(c * theta_s**k for c, k in zip(row, (3, 2, 1, 0), strict=True)) for row in rows]
         zenith.append((polynomials[0] * turbidity + polynomials[1]) * turbidity + polynomials[2])
-    sun = facing(azimuth, elevation)[0].tolist()
+    sun = build_frame(azimuth, elevation)[0].tolist()
     # 2 asin(chord / 2) is exact for small angles, where acos is not.
     chord = torch.sqrt((d.x - sun[0]) ** 2 + (d.y - sun[1]) ** 2 + (d.z - sun[2]) ** 2)
     gamma = 2 * torch.asin((chord / 2).clamp(max=1))
@@ -148,22 +148,22 @@ def sun_radiance(elevation: float, turbidity: float) -> Tensor:
     ozone = 0.0035 * torch.tensor(_OZONE, dtype=torch.float64)
     depth = 0.008735 * (nm / 1000) ** -4.08 + beta * (nm / 1000) ** -1.3 + ozone
     spectrum = 100 * torch.tensor(_SOLAR, dtype=torch.float64) * torch.exp(-mass * depth)
-    xyz = torch.stack([0.683 * 10 * (_matching(nm, lobes) * spectrum).sum() for lobes in _MATCHING])
+    xyz = torch.stack([0.683 * 10 * (_match_colours(nm, lobes) * spectrum).sum() for lobes in _MATCHING])
     return (_RGB.double() @ xyz).clamp(min=0)
 
 
-def _matching(nm: Tensor, lobes: tuple[tuple[float, float, float, float], ...]) -> Tensor:
+def _match_colours(nm: Tensor, lobes: tuple[tuple[float, float, float, float], ...]) -> Tensor:
     terms = [h * torch.exp(-(((nm - c) * torch.where(nm < c, lo, hi)) ** 2) / 2) for h, c, lo, hi in lobes]
     return torch.stack(terms).sum(0)
 
 
-def _sun_disc(elevation: float, azimuth: float) -> Vec3:
+def _place_sun_disc(elevation: float, azimuth: float) -> Vec3:
     """Points of the disc above the horizon, on a sunflower spiral; all have an equal share of its solid angle."""
     i = torch.arange(_SUN_POINTS, dtype=torch.float64) + 0.5
     radius = 2 * torch.asin(torch.sqrt(i / _SUN_POINTS) * sin(SUN_RADIUS / 2))
     turn = pi * (3 - sqrt(5)) * i
     local = Vec3(torch.cos(radius), torch.sin(radius) * torch.cos(turn), torch.sin(radius) * torch.sin(turn))
-    p = stack(local) @ facing(azimuth, elevation)
+    p = stack(local) @ build_frame(azimuth, elevation)
     return vec3(p[p[:, 1] > 0])
 
 

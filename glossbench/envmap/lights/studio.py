@@ -10,7 +10,7 @@ from torch import Tensor
 from glossbench.directions import stack
 from glossbench.envmap.cubemap import CubeMap, face_directions, texel_directions
 from glossbench.envmap.lights.light import LIGHTS, Light
-from glossbench.envmap.lights.placing import facing
+from glossbench.envmap.lights.placing import build_frame
 from glossbench.options import Fraction, NonNegative, Radiance, Resolution
 
 
@@ -29,7 +29,7 @@ class SoftBox(NamedTuple):
     width: float
     height: float
 
-    def varied(self, u: tuple[float, ...]) -> Self:
+    def vary(self, u: tuple[float, ...]) -> Self:
         """The box for u in [-1, 1]: azimuth +- 20 degrees, elevation +- 10 degrees, width and height x 0.8 to 1.25."""
         return self._replace(
             azimuth=self.azimuth + 20 * u[0],
@@ -81,17 +81,17 @@ class Studio(Light):
         """The radiance itself."""
         d = stack(texel_directions(self.resolution))
         faces = (self.room * (1 + d[..., 1:2] / 2)).repeat(1, 1, 1, 3)
-        for box, radiance in zip(self.boxes(), (self.key_light, self.fill_light, self.rim_light), strict=True):
+        for box, radiance in zip(self.place_boxes(), (self.key_light, self.fill_light, self.rim_light), strict=True):
             _add(faces, d, box, torch.tensor(radiance, dtype=torch.float64), self.softness)
         return CubeMap(faces, self.key())
 
-    def boxes(self) -> tuple[SoftBox, ...]:
+    def place_boxes(self) -> tuple[SoftBox, ...]:
         """Key, fill and rim for this seed."""
         boxes = (KEY, FILL, RIM)
         if self.seed is None:
             return boxes
         u = torch.rand(3, 4, generator=torch.Generator().manual_seed(self.seed), dtype=torch.float64) * 2 - 1
-        return tuple(box.varied(tuple(row)) for box, row in zip(boxes, u.tolist(), strict=True))
+        return tuple(box.vary(tuple(row)) for box, row in zip(boxes, u.tolist(), strict=True))
 
 
 def _add(faces: Tensor, d: Tensor, box: SoftBox, radiance: Tensor, softness: float) -> None:
@@ -101,7 +101,7 @@ def _add(faces: Tensor, d: Tensor, box: SoftBox, radiance: Tensor, softness: flo
     this line is linear in s and t, and the area of a texel on its bright side has a closed form.
     """
     r = faces.shape[1]
-    toward, right, up = facing(box.azimuth, box.elevation)
+    toward, right, up = build_frame(box.azimuth, box.elevation)
     size = (box.width / (2 * box.distance), box.height / (2 * box.distance))
     edges = torch.stack(
         [size[0] * toward + right, size[0] * toward - right, size[1] * toward + up, size[1] * toward - up]

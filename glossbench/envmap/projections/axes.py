@@ -34,23 +34,23 @@ from torch import Tensor
 
 from glossbench.directions import stack, vec3
 from glossbench.envmap.cubemap import face_coordinates, texel_rows
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError, suggest_nearest
 
 Axes = Literal["forward", "opengl", "directx", "mitsuba", "blender", "pbrt", "nvdiffrec"]
 
 
-def _of_cubes(directions: str) -> dict[str, str]:
+def _repeat_for_cubes(directions: str) -> dict[str, str]:
     return dict.fromkeys(("vertical_cross", "horizontal_cross", "strip"), directions)
 
 
 # The world's directions to the right of the image, above it and behind it, by projection.
 _CONVENTIONS: dict[str, dict[str, str]] = {
-    "opengl": _of_cubes("+x +y -z"),
-    "directx": _of_cubes("+x +y +z"),
+    "opengl": _repeat_for_cubes("+x +y -z"),
+    "directx": _repeat_for_cubes("+x +y +z"),
     "mitsuba": {"lat_long": "-x +y -z"},
     "blender": {"lat_long": "+z +y -x"},
     "pbrt": {"lat_long": "-z +y +x", "octahedral_equal_area": "+x -z -y"},
-    "nvdiffrec": {"lat_long": "+x +y +z", **_of_cubes("+x +y -z")},
+    "nvdiffrec": {"lat_long": "+x +y +z", **_repeat_for_cubes("+x +y -z")},
 }
 
 
@@ -63,10 +63,10 @@ def permutation(axes: str, projection: str) -> Tensor:
     if axes == "forward":
         return torch.eye(3)
     if axes not in _CONVENTIONS:
-        raise InputError(f"unknown axes {axes!r}{nearest(axes, get_args(Axes))}")
+        raise InputError(f"unknown axes {axes!r}{suggest_nearest(axes, get_args(Axes))}")
     known = _CONVENTIONS[axes]
     if projection not in known:
-        raise InputError(f"axes {axes!r} say nothing of the projection {projection}, only of {', '.join(known)}")
+        raise InputError(f"axes {axes!r} do not apply to the projection {projection}, only to {', '.join(known)}")
     unit = {
         f"{sign}{name}": s * row
         for sign, s in (("+", 1), ("-", -1))
@@ -75,7 +75,7 @@ def permutation(axes: str, projection: str) -> Tensor:
     return torch.stack([unit[direction] for direction in known[projection].split()])
 
 
-def turned(faces: Tensor, matrix: Tensor) -> Tensor:
+def turn_faces(faces: Tensor, matrix: Tensor) -> Tensor:
     """Faces (6, R, R, C) whose texel in direction d is the given texel in direction matrix d, without interpolation."""
     if torch.equal(matrix, torch.eye(3)):
         return faces

@@ -32,18 +32,18 @@ import torch
 from torch import Tensor
 
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.projections.axes import permutation, turned
+from glossbench.envmap.projections.axes import permutation, turn_faces
 from glossbench.envmap.projections.layouts import LAYOUTS, solid_angles
 from glossbench.envmap.projections.resampling import (
-    cube_source,
-    edge_source,
-    halved,
-    layout_source,
-    resized,
+    halve_images,
+    make_cube_source,
+    make_edge_source,
+    make_layout_source,
+    resize,
     to_faces,
     to_layout,
 )
-from glossbench.errors import InputError, nearest
+from glossbench.errors import InputError, suggest_nearest
 
 Written = Literal[
     "lat_long",
@@ -75,11 +75,11 @@ def guess_projection(height: int, width: int) -> Projection:
     for projection in get_args(Projection):
         if fits(projection, height, width):
             return projection
-    shapes = ", ".join(f"{_shape(name)} {name}" for name in get_args(Projection)[:5])
+    shapes = ", ".join(f"{_describe_shape(name)} {name}" for name in get_args(Projection)[:5])
     raise InputError(f"no known projection is {width} x {height} (width x height); known: {shapes}")
 
 
-def unusual_shape(projection: str, height: int, width: int) -> tuple[str, ...]:
+def note_unusual_shape(projection: str, height: int, width: int) -> tuple[str, ...]:
     """A note if a lat_long image is not twice as wide as high."""
     if projection != "lat_long" or width == 2 * height:
         return ()
@@ -119,7 +119,9 @@ def to_cubemap(
     projection = projection or guess_projection(height, width)
     _check_projection(projection)
     if projection != "lat_long" and not fits(projection, height, width):  # whose angles fill any shape
-        raise InputError(f"{projection} must have width : height = {_shape(projection)}, got {width} x {height}")
+        raise InputError(
+            f"{projection} must have width : height = {_describe_shape(projection)}, got {width} x {height}"
+        )
     matrix = permutation(axes, projection)
     columns, rows = _SIZE[projection]
     resolved = max(max(height, width) / max(columns, rows), min(height, width) / min(columns, rows))
@@ -128,16 +130,16 @@ def to_cubemap(
     _check_resolution(resolution)
     image = image.float().flip(0) if flip_vertical else image.float()
     if projection in _UNFOLDED:
-        faces = resized(_folded(image, projection), resolution)
+        faces = resize(_fold(image, projection), resolution)
     elif projection == "openexr_cube":
         finest = max(resolution, 2 ** round(log2(resolved)))
-        faces = resized(to_faces(*edge_source(image), resolved, finest), resolution)
+        faces = resize(to_faces(*make_edge_source(image), resolved, finest), resolution)
     else:
         layout = LAYOUTS[projection]
         while resolved > 2 * resolution:
-            image, resolved = halved(image[None], solid_angles(layout, *image.shape[:2]))[0], resolved / 2
-        faces = to_faces(*layout_source(image, layout), resolved, resolution)
-    return CubeMap(turned(faces, matrix), key)
+            image, resolved = halve_images(image[None], solid_angles(layout, *image.shape[:2]))[0], resolved / 2
+        faces = to_faces(*make_layout_source(image, layout), resolved, resolution)
+    return CubeMap(turn_faces(faces, matrix), key)
 
 
 def from_cubemap(cubemap: CubeMap, projection: Written, resolution: int | None = None, axes: str = "forward") -> Tensor:
@@ -161,15 +163,15 @@ def from_cubemap(cubemap: CubeMap, projection: Written, resolution: int | None =
     matrix = permutation(axes, projection)
     resolution = cubemap.resolution if resolution is None else resolution
     _check_resolution(resolution)
-    faces = turned(cubemap.faces.cpu(), matrix.T)
+    faces = turn_faces(cubemap.faces.cpu(), matrix.T)
     if projection in _UNFOLDED:
-        return _unfolded(resized(faces, resolution), projection)
+        return _unfold(resize(faces, resolution), projection)
     if faces.shape[1] > 2 * resolution:
-        faces = resized(faces, 2 * resolution)
-    return to_layout(*cube_source(faces), faces.shape[1], LAYOUTS[projection], resolution)
+        faces = resize(faces, 2 * resolution)
+    return to_layout(*make_cube_source(faces), faces.shape[1], LAYOUTS[projection], resolution)
 
 
-def _shape(projection: str) -> str:
+def _describe_shape(projection: str) -> str:
     columns, rows = (n // gcd(*_SIZE[projection]) for n in _SIZE[projection])
     return "6:1 or 1:6" if projection == "strip" else f"{columns}:{rows}"
 
@@ -188,14 +190,14 @@ def fits(projection: str, height: int, width: int) -> bool:
 
 def _check_projection(projection: str) -> None:
     if projection not in _SIZE:
-        raise InputError(f"unknown projection {projection!r}{nearest(projection, _SIZE)}")
+        raise InputError(f"unknown projection {projection!r}{suggest_nearest(projection, _SIZE)}")
 
 
 def check_written(projection: str, axes: str) -> None:
     """Raises InputError if a projection is unknown, cannot be written, or is not in the axis convention."""
     _check_projection(projection)
     if projection not in get_args(Written):
-        raise InputError(f"{projection} is read, not written; write one of {', '.join(get_args(Written))}")
+        raise InputError(f"{projection} can be read but not written; write one of {', '.join(get_args(Written))}")
     permutation(axes, projection)
 
 
@@ -204,7 +206,7 @@ def _check_resolution(resolution: int) -> None:
         raise InputError(f"a cube map's resolution must be a power of two of at least 2, got {resolution}")
 
 
-def _folded(image: Tensor, projection: str) -> Tensor:
+def _fold(image: Tensor, projection: str) -> Tensor:
     """Faces (6, F, F, 3) of a cross or strip."""
     columns, rows = _SIZE[projection]
     if projection == "strip" and image.shape[0] > image.shape[1]:
@@ -216,7 +218,7 @@ def _folded(image: Tensor, projection: str) -> Tensor:
     return faces
 
 
-def _unfolded(faces: Tensor, projection: str) -> Tensor:
+def _unfold(faces: Tensor, projection: str) -> Tensor:
     """The cross or strip of faces (6, F, F, 3)."""
     columns, rows = _SIZE[projection]
     size = faces.shape[1]

@@ -2,11 +2,11 @@
 
 from typing import NamedTuple, cast
 
-from glossbench.envmap.formats.decoded import Covering
-from glossbench.envmap.projections.conversion import Projection, fits, guess_projection, unusual_shape
+from glossbench.envmap.formats.image_content import Covering
+from glossbench.envmap.projections.conversion import Projection, fits, guess_projection, note_unusual_shape
 
 
-class Covered(NamedTuple):
+class CoveringChoice(NamedTuple):
     """The projection and the axes of an image, and notes about the choice."""
 
     projection: Projection
@@ -14,7 +14,9 @@ class Covered(NamedTuple):
     notes: tuple[str, ...]
 
 
-def covered(said: Covering | None, projection: Projection | None, axes: str | None, height: int, width: int) -> Covered:
+def resolve_covering(
+    said: Covering | None, projection: Projection | None, axes: str | None, height: int, width: int
+) -> CoveringChoice:
     """Options come first, then what the file states, then the shape and the axes `forward`.
 
     The axes that a file states belong to its projection: if the options state another projection, they are ignored.
@@ -24,17 +26,17 @@ def covered(said: Covering | None, projection: Projection | None, axes: str | No
     """
     notes = []
     if said is not None and not fits(said.projection, height, width):
-        notes.append(f"{said.said_by} says {said.projection}, which {width} x {height} pixels are not: left out")
+        notes.append(f"{said.said_by} says {said.projection}, which does not fit {width} x {height} pixels: ignored")
         said = None
     if said is not None and projection not in (None, said.projection):
-        notes.append(f"{said.said_by} says {said.projection}, read as {projection} as is stated")
+        notes.append(f"{said.said_by} says {said.projection}, but it is read as {projection}, as stated")
         said = None
     if said is None:
         chosen = projection or guess_projection(height, width)
-        return Covered(chosen, axes or "forward", (*notes, *unusual_shape(chosen, height, width)))
+        return CoveringChoice(chosen, axes or "forward", (*notes, *note_unusual_shape(chosen, height, width)))
     if axes not in (None, said.axes):
-        notes.append(f"{said.said_by} says axes {said.axes}, read by axes {axes} as is stated")
+        notes.append(f"{said.said_by} says axes {said.axes}, but it is read with axes {axes}, as stated")
     elif axes is None and said.note:
         notes.append(said.note)
-    notes += unusual_shape(said.projection, height, width)
-    return Covered(cast("Projection", said.projection), axes or said.axes, tuple(notes))
+    notes += note_unusual_shape(said.projection, height, width)
+    return CoveringChoice(cast("Projection", said.projection), axes or said.axes, tuple(notes))

@@ -38,7 +38,7 @@ def solid_angles(layout: Layout, height: int, width: int) -> Tensor:
     return layout.direction(*torch.broadcast_tensors(u[None, :], v[:, None]))[1]
 
 
-def _edges_repeated(image: Tensor) -> Tensor:
+def _repeat_edges(image: Tensor) -> Tensor:
     rows = torch.cat([image[:1], image, image[-1:]])
     return torch.cat([rows[:, :1], rows, rows[:, -1:]], dim=1)
 
@@ -121,7 +121,7 @@ def _angular_margin(image: Tensor) -> Tensor:
     # The radius read is at least half a pixel's diagonal below the rim; otherwise the pixel could itself be outside.
     mirrored = torch.where(r > 1, -(2 - r).clamp(max=1 - 1.5 / size) / r, 1.0)
     column, row = (((c * mirrored + 1) * size / 2).long().clamp(0, size - 1) for c in (x, y))
-    return _edges_repeated(image[row, column])
+    return _repeat_edges(image[row, column])
 
 
 # Two paraboloids of scale 1, left and right: a disc that touches its square for the front half of the sphere, and one
@@ -156,7 +156,7 @@ def _paraboloid_margin(image: Tensor) -> Tensor:
     front, behind = image[:, :size], image[:, size:]
     outside = (r > 1)[:, :, None]
     filled = [torch.where(outside, b[row, column], a) for a, b in ((front, behind), (behind, front))]
-    return _edges_repeated(torch.cat(filled, dim=1))
+    return _repeat_edges(torch.cat(filled, dim=1))
 
 
 # Octahedra unfolded into a square: forward in the centre, backward in all four corners.
@@ -165,14 +165,14 @@ def _paraboloid_margin(image: Tensor) -> Tensor:
 def _octahedral_direction(u: Tensor, v: Tensor) -> tuple[Vec3, Tensor]:
     x, y = 2 * u - 1, 1 - 2 * v
     front = 1 - x.abs() - y.abs()
-    x, y = _folded(x, y, front < 0)
+    x, y = _fold(x, y, front < 0)
     norm = torch.sqrt(x * x + y * y + front * front)
     return Vec3(x / norm, y / norm, -front / norm), 4 / norm**3
 
 
 def _octahedral_place(d: Vec3) -> tuple[Tensor, Tensor]:
     norm = d.x.abs() + d.y.abs() + d.z.abs()
-    x, y = _folded(d.x / norm, d.y / norm, d.z > 0)
+    x, y = _fold(d.x / norm, d.y / norm, d.z > 0)
     return (1 + x) / 2, (1 - y) / 2
 
 
@@ -192,11 +192,11 @@ def _equal_area_place(d: Vec3) -> tuple[Tensor, Tensor]:
     r = torch.sqrt(sin2 / (1 + d.z.abs()))
     along_y = r * torch.atan2(d.y.abs(), d.x.abs()) * (2 / pi)
     x, y = torch.copysign(r - along_y, d.x), torch.copysign(along_y, d.y)
-    x, y = _folded(x, y, d.z > 0)
+    x, y = _fold(x, y, d.z > 0)
     return (1 + x) / 2, (1 - y) / 2
 
 
-def _folded(x: Tensor, y: Tensor, fold: Tensor) -> tuple[Tensor, Tensor]:
+def _fold(x: Tensor, y: Tensor, fold: Tensor) -> tuple[Tensor, Tensor]:
     """Folds the triangle of each quadrant over the diagonal |x| + |y| = 1; the map is its own inverse."""
     over_x, over_y = torch.copysign(1 - y.abs(), x), torch.copysign(1 - x.abs(), y)
     return torch.where(fold, over_x, x), torch.where(fold, over_y, y)

@@ -7,7 +7,7 @@ from torch import Tensor
 from torch.nn.functional import grid_sample
 
 from glossbench.directions import Vec3
-from glossbench.envmap.cubemap import bordered, face_coordinates, face_directions, texel_solid_angles
+from glossbench.envmap.cubemap import add_border, face_coordinates, face_directions, texel_solid_angles
 from glossbench.envmap.projections.layouts import Layout
 
 # From a direction to its position in a source image (H, W, 3): (column, row) in pixels, centres at half-integers.
@@ -17,7 +17,7 @@ _DIRECTIONS = 2**17  # at a time: bounds the memory; more are slower, because th
 _FINE = 1024  # texels along an edge: up to this resolution time does not matter
 
 
-def cube_source(faces: Tensor) -> tuple[Tensor, Locate]:
+def make_cube_source(faces: Tensor) -> tuple[Tensor, Locate]:
     """The faces with borders, one above the other."""
     size = faces.shape[1]
 
@@ -25,10 +25,10 @@ def cube_source(faces: Tensor) -> tuple[Tensor, Locate]:
         face, s, t, _ = face_coordinates(d)
         return (s + 1) * (size / 2) + 1, (t + 1) * (size / 2) + 1 + face * (size + 2)
 
-    return bordered(faces).flatten(0, 1), locate
+    return add_border(faces).flatten(0, 1), locate
 
 
-def edge_source(image: Tensor) -> tuple[Tensor, Locate]:
+def make_edge_source(image: Tensor) -> tuple[Tensor, Locate]:
     """Faces one above the other (6 N, N, 3), whose outer samples lie on the edges of the cube."""
     size = image.shape[1]
 
@@ -39,7 +39,7 @@ def edge_source(image: Tensor) -> tuple[Tensor, Locate]:
     return image, locate
 
 
-def layout_source(image: Tensor, layout: Layout) -> tuple[Tensor, Locate]:
+def make_layout_source(image: Tensor, layout: Layout) -> tuple[Tensor, Locate]:
     """The image with its margin."""
     height, width = image.shape[:2]
 
@@ -94,16 +94,16 @@ def to_layout(source: Tensor, locate: Locate, resolved: float, layout: Layout, r
     return image
 
 
-def resized(faces: Tensor, resolution: int) -> Tensor:
+def resize(faces: Tensor, resolution: int) -> Tensor:
     """Faces at another resolution: averages of 2 x 2 texels, and interpolation if these do not lead to it."""
     size = faces.shape[1]
     exact = size % resolution == 0 and (size // resolution).bit_count() == 1
     while size > (resolution if exact else 2 * resolution):
-        faces, size = halved(faces, texel_solid_angles(size)), size // 2
-    return faces.contiguous() if exact else to_faces(*cube_source(faces), size, resolution)
+        faces, size = halve_images(faces, texel_solid_angles(size)), size // 2
+    return faces.contiguous() if exact else to_faces(*make_cube_source(faces), size, resolution)
 
 
-def halved(images: Tensor, weight: Tensor) -> Tensor:
+def halve_images(images: Tensor, weight: Tensor) -> Tensor:
     """Means (N, H // 2, W // 2, 3) over 2 x 2 pixels of images (N, H, W, 3), weighted by (H, W).
 
     For an odd H the means are over bins of H / (H // 2) pixels; a pixel counts with its share in the bin. If W is a
@@ -114,14 +114,14 @@ def halved(images: Tensor, weight: Tensor) -> Tensor:
     if height % 2 or width % 2:
         rows = height // 2
         columns = width // 2 if width % height else rows * (width // height)
-        total, weights = (_binned(_binned(x, rows, 1), columns, 2) for x in (images * w, w))
+        total, weights = (_sum_bins(_sum_bins(x, rows, 1), columns, 2) for x in (images * w, w))
         return total / weights.clamp(min=1e-30)
     blocks = (n, height // 2, 2, width // 2, 2, -1)
     total = (images * w).reshape(blocks).sum((2, 4))
     return total / w.reshape(1, *blocks[1:]).sum((2, 4)).clamp(min=1e-30)
 
 
-def _binned(x: Tensor, n_bins: int, dim: int) -> Tensor:
+def _sum_bins(x: Tensor, n_bins: int, dim: int) -> Tensor:
     """Sums over equal bins along a dimension; a bin covers two or three pixels, those at its edges partly."""
     size = x.shape[dim] / n_bins
     shape = [-1 if d == dim else 1 for d in range(x.dim())]

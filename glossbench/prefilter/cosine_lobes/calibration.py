@@ -22,7 +22,7 @@ N_CUBES = 8  # with three lit texels each, one per channel
 N_ANGLES, N_AZIMUTHS = 129, 4
 STEPS = 16  # between two levels
 REACH = 6.0  # texels of the coarser level; beyond this distance a lobe is black, or the whole sphere is reached
-# Cubes of these sizes and between are calibrated directly; other sizes use the nearest of them, see `_of_finer`.
+# Cubes of these sizes and between are calibrated directly; other sizes use the nearest of them, see `_refine_levels`.
 FINEST, COARSEST = 256, 16
 # At this level neither the texels of level 0 nor the curvature of the sphere affect a lobe: the next is twice as wide.
 # Measured, 512^2 from 256^2: levels off by up to 0.007 (sqrt_cosine, solid_angle), 0.014 (none, radial_plot).
@@ -76,10 +76,10 @@ def calibrate(
     """
     at = min(max(resolution, COARSEST), FINEST)
     shift = int(log2(resolution / at))
-    maps, centres = _lit_texels(at, mip_filter, places)
+    maps, centres = _light_texels(at, mip_filter, places)
     edges = 2 / maps.sizes.numpy()
-    found = match_levels(lambda level, cosines: _profile(maps, centres, cosines, level), edges, volume)
-    return _of_finer(found, shift) if shift > 0 else replace(found, levels=found.levels + shift)
+    found = match_levels(lambda level, cosines: _measure_profile(maps, centres, cosines, level), edges, volume)
+    return _refine_levels(found, shift) if shift > 0 else replace(found, levels=found.levels + shift)
 
 
 def match_levels(
@@ -93,7 +93,7 @@ def match_levels(
     shares = np.arange(STEPS) / STEPS
     for level, edge in enumerate(edges[1:]):
         reach = min(pi, REACH * edge)
-        cosines, weight = _rings(reach)
+        cosines, weight = _make_rings(reach)
         last = level == len(edges) - 2
         share = np.append(shares, 1.0)[: STEPS + last, None]
         mixed = (1 - share) * profile(level, cosines) + share * profile(level + 1, cosines)
@@ -111,7 +111,7 @@ def match_levels(
     return LobeLevels(np.concatenate(levels)[kept], falling[kept], np.concatenate(errors)[kept])
 
 
-def _rings(reach: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _make_rings(reach: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Cosines of rings up to an angle, and their solid angles by the trapezoid rule, (N_ANGLES,)."""
     # 1 - cos = (1 - cos(reach)) u^2, so that the angles are about equally spaced.
     u = np.linspace(0, 1, N_ANGLES)
@@ -120,7 +120,7 @@ def _rings(reach: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return 1 - (1 - np.cos(reach)) * u * u, weight
 
 
-def _of_finer(found: LobeLevels, n_halvings: int) -> LobeLevels:
+def _refine_levels(found: LobeLevels, n_halvings: int) -> LobeLevels:
     """Levels of a cube that is 2^n times as fine.
 
     Its fine levels are the given ones at a smaller size; its coarse levels are the given ones, moved by n levels.
@@ -132,7 +132,7 @@ def _of_finer(found: LobeLevels, n_halvings: int) -> LobeLevels:
     return LobeLevels(i / STEPS, found.exponents[source] * 4.0 ** (n_halvings - repeats), found.errors[source])
 
 
-def _lit_texels(resolution: int, mip_filter: LobeFilter, places: Places) -> tuple[PartialMaps, Tensor]:
+def _light_texels(resolution: int, mip_filter: LobeFilter, places: Places) -> tuple[PartialMaps, Tensor]:
     """Cubes with three lit texels of unit flux each, one per channel, and the directions of these (N, 3, 3)."""
     n = 3 * N_CUBES
     u = points_2d(n, "r2")
@@ -152,7 +152,9 @@ def _lit_texels(resolution: int, mip_filter: LobeFilter, places: Places) -> tupl
     return maps, d[texel].view(N_CUBES, 3, 3)
 
 
-def _profile(maps: PartialMaps, centres: Tensor, cosines: NDArray[np.float64], level: int) -> NDArray[np.float64]:
+def _measure_profile(
+    maps: PartialMaps, centres: Tensor, cosines: NDArray[np.float64], level: int
+) -> NDArray[np.float64]:
     """K_l at these cosines, (N_ANGLES,): the mean over texels and azimuths."""
     theta = torch.arccos(torch.tensor(cosines).clamp(-1, 1))[:, None]
     turns = torch.arange(N_AZIMUTHS)[None] * (2 * pi / N_AZIMUTHS)

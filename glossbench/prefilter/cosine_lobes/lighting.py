@@ -77,18 +77,18 @@ def lobe_radiance(
     levels = np.array([calibration.level(s) for s in [1.0] * diffuse + exponents])
     at = torch.tensor(levels, dtype=torch.float32, device=points.device).view(len(levels), 1, -1)
     # Eight taps with their windows take about 4 times the temporaries of a lookup.
-    means = iter(over_points(_means, points, 4 * len(maps), maps, shadows, at, diffuse).split(3, dim=1))
+    means = iter(over_points(_compute_means, points, 4 * len(maps), maps, shadows, at, diffuse).split(3, dim=1))
     if diffuse:
         radiance += torch.stack(reflectance.diffuse) * next(means)
     cos_o = points.wo_local().z
     for lobe_sum in lobe_sums:
-        a = lobe_sum.albedo_at(torch.ones_like(cos_o) if energy == "normal" else cos_o).to(points.device)
+        a = lobe_sum.interpolate_albedo(torch.ones_like(cos_o) if energy == "normal" else cos_o).to(points.device)
         for share in lobe_sum.shares:
             radiance += share * a * next(means)
     return radiance
 
 
-def _means(points: ShadingPoints, maps: Maps, shadows: Shadows, levels: Tensor, diffuse: bool) -> Tensor:
+def _compute_means(points: ShadingPoints, maps: Maps, shadows: Shadows, levels: Tensor, diffuse: bool) -> Tensor:
     """c at levels (K, 1, 1 or N): (P, 3 K), all about r, except the first about n if there is a diffuse part."""
     visible = (shadows.visible(points),)
     axes = [points.n] * diffuse + [reflect(points.wo, points.n)] * (len(levels) - diffuse)

@@ -33,7 +33,7 @@ class LobeSum:
     error: float
     albedo: Tensor
 
-    def albedo_at(self, cos_o: Tensor) -> Tensor:
+    def interpolate_albedo(self, cos_o: Tensor) -> Tensor:
         """Directional albedo (P, 3), linear between the views of the table."""
         at = (cos_o.clamp(0, 1) * VIEWS - 1).clamp(0, VIEWS - 1)
         lower = at.long().clamp(max=VIEWS - 2)
@@ -64,7 +64,7 @@ def fit_lobe_sum(lobe: Lobe, n_lobes: int) -> LobeSum:
     device = lobe.ks[0].device
     cos_o = (torch.arange(VIEWS, device=device) + 1) / VIEWS
     albedo = lobe.albedo(Vec3(torch.sqrt(1 - cos_o * cos_o), torch.zeros_like(cos_o), cos_o)).float()
-    away, weight, values = _profile(lobe)
+    away, weight, values = _sample_profile(lobe)
     total = float((weight * values).sum())
     if not total > 0:
         return LobeSum((), (), 0.0, albedo)
@@ -81,7 +81,7 @@ def fit_lobe_sum(lobe: Lobe, n_lobes: int) -> LobeSum:
     return LobeSum(tuple(best[0].tolist()), tuple(best[1].tolist()), best[2], albedo)
 
 
-def _profile(lobe: Lobe) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _sample_profile(lobe: Lobe) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """1 - cos(alpha), weights of the solid angle, and the channel mean of f cos_i, seen along the normal."""
     # Nodes are equally spaced in the logarithm, so that lobes of all widths have equally many.
     log_away = np.linspace(np.log(1e-10), 0, 2000)

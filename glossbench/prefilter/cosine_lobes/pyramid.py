@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from glossbench.directions import Vec3
-from glossbench.envmap.cubemap import bordered, face_coordinates
+from glossbench.envmap.cubemap import add_border, face_coordinates
 from glossbench.envmap.pyramid import Taps, halve
 from glossbench.errors import InputError
 
@@ -107,7 +107,7 @@ def window_taps(window: Tensor, x: Tensor, y: Tensor, share: Tensor) -> tuple[li
 
 def cube_bytes(resolution: int, n_maps: int) -> int:
     """Bytes of N whole cubes of R texels per edge, with all their levels and borders."""
-    return TEXEL_BYTES * (1 + 6 * n_maps * sum((n + 2) ** 2 for n in _sizes(resolution)))
+    return TEXEL_BYTES * (1 + 6 * n_maps * sum((n + 2) ** 2 for n in _list_sizes(resolution)))
 
 
 def build_partial_maps(
@@ -131,9 +131,9 @@ def build_partial_maps(
     if storage == "cube" and needed > limit:
         raise InputError(
             f"{n_maps} partial maps of 6 x {resolution}^2 texels as cubes need {needed / 1e9:.2f} GB, more than the "
-            f"limit of {limit / 1e9:.2f} GB; take fewer regions, a smaller light or storage: cropped"
+            f"limit of {limit / 1e9:.2f} GB; use fewer regions, a smaller light or storage: cropped"
         )
-    sizes = _sizes(resolution)
+    sizes = _list_sizes(resolution)
     windows = torch.zeros(len(sizes), n_maps, 6, 5, dtype=torch.int32, device=faces.device)
     black = faces.new_zeros(1, 3)
     table = faces.new_empty(needed // TEXEL_BYTES, 3) if storage == "cube" else black
@@ -142,14 +142,14 @@ def build_partial_maps(
     batch = max(1, BATCH_BYTES // (TEXEL_BYTES * 6 * (resolution + 4) ** 2))
     for start in range(0, n_maps, batch):
         n = min(batch, n_maps - start)
-        for level, (images, lit) in enumerate(_levels(faces, index - start, n, LOBE_FILTERS[mip_filter])):
-            window = _lit(images, lit) if storage == "cropped" else _all(images)
+        for level, (images, lit) in enumerate(_build_levels(faces, index - start, n, LOBE_FILTERS[mip_filter])):
+            window = _find_lit_windows(images, lit) if storage == "cropped" else _make_whole_windows(images)
             counts = (window[..., 2] * window[..., 3]).flatten()
             n_texels = int(counts.sum())
             if TEXEL_BYTES * (used + n_texels) > limit:
                 raise InputError(
                     f"{n_maps} cropped partial maps of 6 x {resolution}^2 texels need more than the limit of "
-                    f"{limit / 1e9:.2f} GB; take fewer regions or a smaller light"
+                    f"{limit / 1e9:.2f} GB; use fewer regions or a smaller light"
                 )
             window[..., 4] = (counts.cumsum(0) - counts + used).view(-1, 6)
             windows[level, start : start + n] = window.int()
@@ -157,17 +157,19 @@ def build_partial_maps(
                 shape = (n, 6, *images.shape[1:3], 3)
                 table[used : used + n_texels].view(shape).copy_(images.permute(3, 0, 1, 2, 4))
             else:
-                parts.append(images.permute(3, 0, 1, 2, 4)[_mask(window, images.shape[1])])
+                parts.append(images.permute(3, 0, 1, 2, 4)[_make_mask(window, images.shape[1])])
             used += n_texels
     texels = table if storage == "cube" else torch.cat(parts)
     return PartialMaps(texels, windows.flatten(1, 2), torch.tensor(sizes, dtype=torch.int32, device=faces.device))
 
 
-def _sizes(resolution: int) -> list[int]:
+def _list_sizes(resolution: int) -> list[int]:
     return [resolution >> level for level in range(resolution.bit_length())]
 
 
-def _levels(faces: Tensor, index: Tensor, n_maps: int, taps: tuple[float, ...]) -> Iterator[tuple[Tensor, Tensor]]:
+def _build_levels(
+    faces: Tensor, index: Tensor, n_maps: int, taps: tuple[float, ...]
+) -> Iterator[tuple[Tensor, Tensor]]:
     """The maps 0 to B - 1, level by level: bordered faces (6, n + 2, n + 2, B, 3), and a mask of the texels (.., 1).
 
     The mask is above 0 where any of the maps may be lit.
@@ -181,21 +183,21 @@ def _levels(faces: Tensor, index: Tensor, n_maps: int, taps: tuple[float, ...]) 
         n = images.shape[1]
         # The same border is used for the filter and the table.
         margin = max(width, 1) if n > 1 else 1
-        padded, padded_lit = bordered(images, margin), bordered(lit, margin)
+        padded, padded_lit = add_border(images, margin), add_border(lit, margin)
         inner = slice(margin - 1, n + margin + 1)
         yield padded[:, inner, inner].unflatten(3, (-1, 3)), padded_lit[:, inner, inner]
         if n == 1:
             return
         if margin > width:
             padded, padded_lit = images, lit
-        images, lit = _halved(padded, padded_lit, taps), (halve(padded_lit, taps) > 0).float()
+        images, lit = _halve(padded, padded_lit, taps), (halve(padded_lit, taps) > 0).float()
 
 
-def _halved(padded: Tensor, lit: Tensor, taps: tuple[float, ...]) -> Tensor:
+def _halve(padded: Tensor, lit: Tensor, taps: tuple[float, ...]) -> Tensor:
     """As `halve`, but computed only around the lit rows and columns of each face."""
     n = (padded.shape[1] - len(taps) + 2) // 2
     out = padded.new_zeros(6, n, n, padded.shape[3])
-    for face, extent in enumerate(_extents(lit)):
+    for face, extent in enumerate(_find_extents(lit)):
         if extent is None:
             continue
         # Coarse texels whose taps 2 j .. 2 j + n_taps - 1 include a lit texel.
@@ -205,7 +207,7 @@ def _halved(padded: Tensor, lit: Tensor, taps: tuple[float, ...]) -> Tensor:
     return out
 
 
-def _extents(lit: Tensor) -> list[tuple[tuple[int, int], ...] | None]:
+def _find_extents(lit: Tensor) -> list[tuple[tuple[int, int], ...] | None]:
     """For each face (6, n, n, 1), the rows and columns [first, last) that contain all lit texels; None without any."""
     extents: list[tuple[tuple[int, int], ...] | None] = []
     for face in (lit[..., 0] > 0).cpu().numpy():
@@ -214,17 +216,17 @@ def _extents(lit: Tensor) -> list[tuple[tuple[int, int], ...] | None]:
     return extents
 
 
-def _all(images: Tensor) -> Tensor:
+def _make_whole_windows(images: Tensor) -> Tensor:
     """Windows (B, 6, 5) of whole faces."""
     size = images.shape[1]
     window = torch.tensor([0, 0, size, size, 0], device=images.device)
     return window.expand(images.shape[3], 6, 5).clone()
 
 
-def _lit(images: Tensor, lit: Tensor) -> Tensor:
+def _find_lit_windows(images: Tensor, lit: Tensor) -> Tensor:
     """Windows (B, 6, 5) around the lit texels of each face; height and width are 0 if there are none."""
     windows = torch.zeros(images.shape[3], 6, 5, dtype=torch.int64, device=images.device)
-    for face, extent in enumerate(_extents(lit)):
+    for face, extent in enumerate(_find_extents(lit)):
         if extent is None:
             continue
         part = images[face, slice(*extent[0]), slice(*extent[1])]
@@ -236,7 +238,7 @@ def _lit(images: Tensor, lit: Tensor) -> Tensor:
     return windows
 
 
-def _mask(window: Tensor, size: int) -> Tensor:
+def _make_mask(window: Tensor, size: int) -> Tensor:
     """True (B, 6, size, size) inside windows (B, 6, 5)."""
     at = torch.arange(size, device=window.device)
     row, column, height, width, _ = (v[..., None] for v in window.unbind(-1))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from glossbench.errors import InputError
 from glossbench.scene.formats.polygons import Floats, Ints, Surface
-from glossbench.scene.formats.strips import fan_triangles, strip_triangles
+from glossbench.scene.formats.strips import split_fan, split_strip
 
 TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -42,9 +42,9 @@ def read_gltf(path: Path) -> Surface:
 
     Source: the Khronos specification, version 2.0.1.
     """
-    tree, binary = _contents(path)
+    tree, binary = _read_contents(path)
     try:
-        parts = list(_Reader(path, tree, binary).parts())
+        parts = list(_Reader(path, tree, binary).read_parts())
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         if isinstance(error, InputError):
             raise
@@ -59,24 +59,24 @@ def read_gltf(path: Path) -> Surface:
     return Surface(np.concatenate([part.vertices for part in parts]), faces, stated)
 
 
-def buffer_files(path: Path) -> list[Path]:
+def find_buffer_files(path: Path) -> list[Path]:
     """Paths of the files that hold the buffers of a .gltf file, whether they exist or not."""
-    tree, _ = _contents(path)
-    uris = [each.get("uri") for each in _listed(tree, "buffers")]
+    tree, _ = _read_contents(path)
+    uris = [each.get("uri") for each in _read_list(tree, "buffers")]
     return [path.parent / unquote(uri) for uri in uris if isinstance(uri, str) and ":" not in uri.partition("/")[0]]
 
 
-def _listed(tree: dict[str, Any], key: str) -> list[dict[str, Any]]:
+def _read_list(tree: dict[str, Any], key: str) -> list[dict[str, Any]]:
     found = tree.get(key, [])
     return [each for each in found if isinstance(each, dict)] if isinstance(found, list) else []
 
 
-def _contents(path: Path) -> tuple[dict[str, Any], bytes | None]:
+def _read_contents(path: Path) -> tuple[dict[str, Any], bytes | None]:
     """The JSON tree of a file, and the binary chunk of a .glb file."""
     data = path.read_bytes()
     binary = None
     if data[:4] == b"glTF":
-        data, binary = _chunks(path, data)
+        data, binary = _split_chunks(path, data)
     elif path.suffix.lower() == ".glb":
         raise InputError(f"{path}: not a mesh that can be read: it begins with {data[:4]!r}, a GLB file with b'glTF'")
     try:
@@ -92,7 +92,7 @@ def _contents(path: Path) -> tuple[dict[str, Any], bytes | None]:
     return tree, binary
 
 
-def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
+def _split_chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
     """The JSON and the binary chunk of a .glb file."""
     if len(data) < 20:
         raise InputError(f"{path}: GLB file truncated: {len(data)} bytes")
@@ -121,16 +121,16 @@ class _Reader:
         self._buffers: dict[int, bytes] = {}
         for name in tree.get("extensionsRequired", []):
             if not str(name).startswith(HARMLESS):
-                raise self._unread(str(name))
+                raise self._make_extension_error(str(name))
 
-    def parts(self) -> Iterator[Surface]:
+    def read_parts(self) -> Iterator[Surface]:
         """Each primitive of triangles, in world coordinates."""
-        for mesh, matrix in self._placed():
+        for mesh, matrix in self._place_meshes():
             for primitive in mesh["primitives"]:
                 if primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN):
-                    yield self._part(primitive, matrix)
+                    yield self._read_part(primitive, matrix)
 
-    def _placed(self) -> Iterator[tuple[dict[str, Any], Floats]]:
+    def _place_meshes(self) -> Iterator[tuple[dict[str, Any], Floats]]:
         """The meshes of the scene with their matrices; in a file without nodes all meshes, with the identity."""
         nodes = self._tree.get("nodes", [])
         if not nodes:
@@ -149,28 +149,28 @@ class _Reader:
             if n_seen > max(len(nodes), 1) or n_seen > MAX_NODES:
                 raise InputError(f"{self._path}: glTF file whose nodes are children of each other")
             node = nodes[i]
-            matrix = above @ _matrix(node)
+            matrix = above @ _compute_matrix(node)
             if "mesh" in node:
                 yield self._tree["meshes"][node["mesh"]], matrix
             waiting += [(child, matrix) for child in reversed(node.get("children", []))]
 
-    def _part(self, primitive: dict[str, Any], matrix: Floats) -> Surface:
+    def _read_part(self, primitive: dict[str, Any], matrix: Floats) -> Surface:
         for name in primitive.get("extensions", {}):
             bare = [i for i in primitive["attributes"].values() if "bufferView" not in self._tree["accessors"][i]]
             if name in COMPRESSED and bare:
-                raise self._unread(name)
+                raise self._make_extension_error(name)
         attributes = primitive["attributes"]
-        vertices = self._numbers(attributes["POSITION"]).astype(np.float64)
+        vertices = self._read_numbers(attributes["POSITION"]).astype(np.float64)
         used: Ints = np.arange(len(vertices))
         if "indices" in primitive:
-            used = self._numbers(primitive["indices"]).reshape(-1).astype(np.int64)
+            used = self._read_numbers(primitive["indices"]).reshape(-1).astype(np.int64)
         mode = primitive.get("mode", TRIANGLES)
         if mode == TRIANGLES:
             faces = used[: len(used) // 3 * 3].reshape(-1, 3)
         elif mode == STRIP:
-            faces = strip_triangles(used, np.array([len(used)]))
+            faces = split_strip(used, np.array([len(used)]))
         else:
-            faces = fan_triangles(used)
+            faces = split_fan(used)
         turned = matrix[:3, :3]
         mirrored = np.linalg.det(turned) < 0
         normals = None
@@ -178,35 +178,37 @@ class _Reader:
             # Cofactors are the inverse transpose times the determinant; they exist even if the inverse does not.
             a, b, c = turned
             cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)]) * (-1 if mirrored else 1)
-            normals = self._numbers(attributes["NORMAL"]).astype(np.float64) @ cofactors.T
+            normals = self._read_numbers(attributes["NORMAL"]).astype(np.float64) @ cofactors.T
         return Surface(vertices @ turned.T + matrix[:3, 3], faces[:, ::-1] if mirrored else faces, normals)
 
-    def _numbers(self, index: int) -> NDArray[Any]:
+    def _read_numbers(self, index: int) -> NDArray[Any]:
         """The numbers of an accessor, (count, width)."""
         accessor = self._tree["accessors"][index]
         kind, width, count = np.dtype(TYPES[accessor["componentType"]]), WIDTHS[accessor["type"]], accessor["count"]
         if "bufferView" in accessor:
-            found = self._rows(accessor["bufferView"], accessor.get("byteOffset", 0), kind, width, count)
+            found = self._read_rows(accessor["bufferView"], accessor.get("byteOffset", 0), kind, width, count)
         elif count > MAX_ITEMS:
-            raise InputError(f"{self._path}: glTF file with {count} items of nothing, more than {MAX_ITEMS}")
+            raise InputError(f"{self._path}: glTF file with {count} items without data, more than {MAX_ITEMS}")
         else:
             found = np.zeros((count, width), kind)
         if "sparse" in accessor:
             sparse = accessor["sparse"]
             n, at, values = sparse["count"], sparse["indices"], sparse["values"]
-            places = self._rows(at["bufferView"], at.get("byteOffset", 0), np.dtype(TYPES[at["componentType"]]), 1, n)
+            places = self._read_rows(
+                at["bufferView"], at.get("byteOffset", 0), np.dtype(TYPES[at["componentType"]]), 1, n
+            )
             found = found.copy()
-            found[places[:, 0]] = self._rows(values["bufferView"], values.get("byteOffset", 0), kind, width, n)
+            found[places[:, 0]] = self._read_rows(values["bufferView"], values.get("byteOffset", 0), kind, width, n)
         if accessor.get("normalized") and kind.kind != "f":
             return np.asarray(np.maximum(found / np.iinfo(kind).max, -1.0))
         return found
 
-    def _rows(self, index: int, offset: int, kind: np.dtype[Any], width: int, count: int) -> NDArray[Any]:
+    def _read_rows(self, index: int, offset: int, kind: np.dtype[Any], width: int, count: int) -> NDArray[Any]:
         view = self._tree["bufferViews"][index]
         for name in view.get("extensions", {}):
             if name in COMPRESSED and self._is_fallback(view["buffer"]):
-                raise self._unread(name)
-        data = self._buffer(view["buffer"])
+                raise self._make_extension_error(name)
+        data = self._read_buffer(view["buffer"])
         start = view.get("byteOffset", 0) + offset
         stride = view.get("byteStride") or kind.itemsize * width
         last = start + stride * (count - 1) + kind.itemsize * width
@@ -225,7 +227,7 @@ class _Reader:
         buffer = self._tree["buffers"][index]
         return "uri" not in buffer and not (index == 0 and self._binary is not None)
 
-    def _buffer(self, index: int) -> bytes:
+    def _read_buffer(self, index: int) -> bytes:
         if index not in self._buffers:
             self._buffers[index] = self._read(index)
         return self._buffers[index]
@@ -238,7 +240,7 @@ class _Reader:
                 raise InputError(f"{self._path}: glTF file whose buffer {index} has no data")
             data, what = self._binary, "its binary chunk"
         elif uri.startswith("data:"):
-            data, what = self._inline(uri), "a buffer in the file itself"
+            data, what = self._decode_inline(uri), "a buffer in the file itself"
         elif ":" in uri.partition("/")[0]:
             raise InputError(f"{self._path}: glTF file whose buffer is at {uri[:60]!r}: fetch it, and name the file")
         else:
@@ -251,21 +253,21 @@ class _Reader:
             raise InputError(f"{self._path}: {what} has {len(data)} bytes, must have {stated['byteLength']}")
         return data
 
-    def _inline(self, uri: str) -> bytes:
+    def _decode_inline(self, uri: str) -> bytes:
         kind, _, content = uri.partition(",")
         try:
             return base64.b64decode(content, validate=True) if kind.endswith(";base64") else unquote_to_bytes(content)
         except binascii.Error as error:
             raise InputError(f"{self._path}: glTF file whose buffer is not base64: {error}") from None
 
-    def _unread(self, extension: str) -> InputError:
+    def _make_extension_error(self, extension: str) -> InputError:
         what = f" (compressed by {COMPRESSED[extension]})" if extension in COMPRESSED else ""
         return InputError(
             f"{self._path}: glTF file with {extension}{what}, which is not read; export it without this extension"
         )
 
 
-def _matrix(node: dict[str, Any]) -> Floats:
+def _compute_matrix(node: dict[str, Any]) -> Floats:
     """The matrix that a node applies to its content: its own, or translation x rotation x scale."""
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T

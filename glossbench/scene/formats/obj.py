@@ -26,7 +26,7 @@ def read_obj(path: Path) -> Surface:
     corners: list[int] = []
     normals: list[int] = []
     counts: list[int] = []
-    for i, line in enumerate(_lines(path.read_bytes()), 1):
+    for i, line in enumerate(_split_lines(path.read_bytes()), 1):
         words = line.split()
         kind = words[0] if words else ""
         try:
@@ -36,10 +36,10 @@ def read_obj(path: Path) -> Surface:
             elif kind == "f" or kind == "fo":
                 for word in words[1:]:
                     place, _, rest = word.partition("/")
-                    corners.append(_counted(int(place), len(v)))
+                    corners.append(_resolve_number(int(place), len(v)))
                     normal = rest.partition("/")[2]
                     if normal:
-                        normals.append(_counted(int(normal), len(vn)))
+                        normals.append(_resolve_number(int(normal), len(vn)))
                 counts.append(len(words) - 1)
         except ValueError as error:
             what = "three numbers" if kind[0] == "v" else "vertices by number, from 1 or back from the last so far"
@@ -56,7 +56,7 @@ def read_obj(path: Path) -> Surface:
     return Surface(vertices[pairs[:, 0]], faces, np.array(vn)[pairs[:, 1]])
 
 
-def _counted(number: int, so_far: int) -> int:
+def _resolve_number(number: int, so_far: int) -> int:
     """A vertex number from 0, from a number that counts from 1 or back from the last vertex so far."""
     place = number - 1 if number > 0 else so_far + number
     if number == 0 or place < 0:
@@ -64,7 +64,7 @@ def _counted(number: int, so_far: int) -> int:
     return place
 
 
-def _lines(content: bytes) -> list[str]:
+def _split_lines(content: bytes) -> list[str]:
     """Lines of a text with the line ends of any system, without comments; an empty line follows a continued one."""
     encoding = "utf-16" if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
     lines = content.decode(encoding, errors="replace").replace("\r\n", "\n").replace("\r", "\n").split("\n")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glossbench.errors import InputError
 from glossbench.scene.formats.polygons import Ints, Surface, triangulate
-from glossbench.scene.formats.strips import strip_triangles
+from glossbench.scene.formats.strips import split_strip
 
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
@@ -61,7 +61,7 @@ def read_ply(path: Path) -> Surface:
     Source: Turk 1994, "The PLY polygon file format".
     """
     data = path.read_bytes()
-    order, elements, at = _header(path, data)
+    order, elements, at = _read_header(path, data)
     body = _Text(path, data[at:]) if order == "ascii" else _Binary(path, data, at, ORDERS[order])
     columns = {element.name: body.read(element) for element in elements if element.properties}
     if "vertex" not in columns or not {"x", "y", "z"} <= columns["vertex"].keys():
@@ -74,18 +74,18 @@ def read_ply(path: Path) -> Surface:
     )
     assert vertices is not None
     found = []
-    faces = _indices(path, columns.get("face", {}))
+    faces = _find_indices(path, columns.get("face", {}))
     if faces is not None:
         found.append(faces.values[triangulate(str(path), vertices, *faces)])
-    strips = _indices(path, columns.get("tristrips", {}))
+    strips = _find_indices(path, columns.get("tristrips", {}))
     if strips is not None:
-        found.append(strip_triangles(strips.values, strips.counts))
+        found.append(split_strip(strips.values, strips.counts))
     if not found:
         raise InputError(f"{path} has no faces, only {len(vertices)} points")
     return Surface(vertices, np.concatenate(found), normals)
 
 
-def _indices(path: Path, columns: Columns) -> Lists | None:
+def _find_indices(path: Path, columns: Columns) -> Lists | None:
     named = [columns[name] for name in ("vertex_indices", "vertex_index") if name in columns]
     found = next((column for column in named if isinstance(column, Lists)), None)
     if found is None:
@@ -93,12 +93,12 @@ def _indices(path: Path, columns: Columns) -> Lists | None:
     wrong = ~(np.abs(found.values) < 2**53) | (found.values != np.floor(found.values))
     if wrong.any():
         raise InputError(
-            f"{path}: PLY file whose face names vertex {found.values[wrong][0]:g}, which is no whole number"
+            f"{path}: PLY file whose face names vertex {found.values[wrong][0]:g}, which is not a whole number"
         )
     return Lists(found.values.astype(np.int64), found.counts)
 
 
-def _header(path: Path, data: bytes) -> tuple[str, list[Element], int]:
+def _read_header(path: Path, data: bytes) -> tuple[str, list[Element], int]:
     """The format, the elements, and the byte where the body begins."""
     end = re.search(rb"end_header[ \t]*(\r\n|\n|\r)", data[:MAX_HEADER])
     if not re.match(rb"(\xef\xbb\xbf)?ply\s", data) or end is None:
@@ -145,7 +145,7 @@ class _Text:
         if not any(each.counted for each in names):
             end = at + element.n_rows * len(names)
             if end > len(numbers):
-                raise _cut(self._path, element)
+                raise _make_truncation_error(self._path, element)
             self._at = end
             rows = numbers[at:end].reshape(element.n_rows, len(names))
             return {each.name: rows[:, i] for i, each in enumerate(names)}
@@ -154,18 +154,18 @@ class _Text:
         for _ in range(element.n_rows):
             for each in names:
                 if at >= len(numbers):
-                    raise _cut(self._path, element)
+                    raise _make_truncation_error(self._path, element)
                 if each.counted and not 0 <= numbers[at] <= len(numbers):
-                    raise _cut(self._path, element)
+                    raise _make_truncation_error(self._path, element)
                 n = int(numbers[at]) if each.counted else 1
                 at += bool(each.counted)
                 if at + n > len(numbers):
-                    raise _cut(self._path, element)
+                    raise _make_truncation_error(self._path, element)
                 starts[each.name].append(at)
                 counts[each.name].append(n)
                 at += n
         self._at = at
-        return {each.name: _gathered(numbers, starts[each.name], counts[each.name], each) for each in names}
+        return {each.name: _gather(numbers, starts[each.name], counts[each.name], each) for each in names}
 
 
 class _Binary:
@@ -176,7 +176,7 @@ class _Binary:
 
     def read(self, element: Element) -> Columns:
         """The columns of an element; if all rows have lists of the same lengths, they are read at once."""
-        lengths = self._lengths(element)
+        lengths = self._read_lengths(element)
         parts: list[Any] = []
         for i, each in enumerate(element.properties):
             if each.counted:
@@ -196,39 +196,39 @@ class _Binary:
                     for i, each in enumerate(element.properties)
                 }
         if not lengths:
-            raise _cut(self._path, element)
-        return self._row_by_row(element)
+            raise _make_truncation_error(self._path, element)
+        return self._read_row_by_row(element)
 
-    def _lengths(self, element: Element) -> dict[int, int]:
+    def _read_lengths(self, element: Element) -> dict[int, int]:
         """The length of each list in the first row, by the number of its property."""
         at, found = self._at, {}
         for i, each in enumerate(element.properties):
             n = 1
             if each.counted:
-                n, at = self._number(element, each, at) if element.n_rows else (0, at)
+                n, at = self._read_number(element, each, at) if element.n_rows else (0, at)
                 found[i] = n
             at += n * np.dtype(each.type).itemsize
         return found
 
-    def _number(self, element: Element, each: Property, at: int) -> tuple[int, int]:
+    def _read_number(self, element: Element, each: Property, at: int) -> tuple[int, int]:
         kind = np.dtype(self._order + each.counted)
         if at + kind.itemsize > len(self._data):
-            raise _cut(self._path, element)
+            raise _make_truncation_error(self._path, element)
         n = int(np.frombuffer(self._data, kind, 1, at)[0])
         at += kind.itemsize
         if n < 0 or at + n * np.dtype(each.type).itemsize > len(self._data):
-            raise _cut(self._path, element)
+            raise _make_truncation_error(self._path, element)
         return n, at
 
-    def _row_by_row(self, element: Element) -> Columns:
+    def _read_row_by_row(self, element: Element) -> Columns:
         found: dict[str, list[NDArray[Any]]] = {each.name: [] for each in element.properties}
         at = self._at
         for _ in range(element.n_rows):
             for each in element.properties:
-                n, at = self._number(element, each, at) if each.counted else (1, at)
+                n, at = self._read_number(element, each, at) if each.counted else (1, at)
                 kind = np.dtype(self._order + each.type)
                 if at + n * kind.itemsize > len(self._data):
-                    raise _cut(self._path, element)
+                    raise _make_truncation_error(self._path, element)
                 found[each.name].append(np.frombuffer(self._data, kind, n, at))
                 at += n * kind.itemsize
         self._at = at
@@ -240,7 +240,7 @@ class _Binary:
         return columns
 
 
-def _gathered(numbers: NDArray[np.float64], starts: list[int], counts: list[int], each: Property) -> Any:
+def _gather(numbers: NDArray[np.float64], starts: list[int], counts: list[int], each: Property) -> Any:
     if not each.counted:
         return numbers[starts]
     n = np.array(counts, np.int64)
@@ -248,7 +248,7 @@ def _gathered(numbers: NDArray[np.float64], starts: list[int], counts: list[int]
     return Lists(numbers[places], n)
 
 
-def _cut(path: Path, element: Element) -> InputError:
+def _make_truncation_error(path: Path, element: Element) -> InputError:
     return InputError(
         f"{path}: PLY file truncated or damaged: it ends before its {element.n_rows} rows {element.name!r}"
     )

@@ -57,13 +57,13 @@ def triangulate(name: str, vertices: Floats, corners: Ints, counts: Ints) -> Int
         if n > 3:
             points = vertices[corners[starts[of_size, None] + np.arange(n)]]
             with np.errstate(invalid="ignore", over="ignore"):  # numbers that are not finite are refused later
-                is_fan = _fans(points)
+                is_fan = _mark_fans(points)
         found.append((starts[of_size[is_fan], None, None] + fan).reshape(-1, 3))
         places.append(np.repeat(of_size[is_fan], n - 2))
         for i in np.flatnonzero(~is_fan):
             if n > MAX_CONCAVE_CORNERS:
-                raise InputError(f"{name}: face {of_size[i]} has {n} corners and is no fan; cut it into triangles")
-            ears = _ears(points[i])
+                raise InputError(f"{name}: face {of_size[i]} has {n} corners and is not a fan; cut it into triangles")
+            ears = _cut_ears(points[i])
             found.append(starts[of_size[i]] + ears)
             places.append(np.repeat(of_size[i], len(ears)))
     if not found:
@@ -71,7 +71,7 @@ def triangulate(name: str, vertices: Floats, corners: Ints, counts: Ints) -> Int
     return np.concatenate(found)[np.argsort(np.concatenate(places), kind="stable")]
 
 
-def _fans(points: Floats) -> NDArray[np.bool_]:
+def _mark_fans(points: Floats) -> NDArray[np.bool_]:
     """Whether the fan from the first corner covers each polygon (P, n, 3)."""
     rays = points[:, 1:] - points[:, :1]
     crosses = np.cross(rays[:, :-1], rays[:, 1:])
@@ -80,16 +80,16 @@ def _fans(points: Floats) -> NDArray[np.bool_]:
     return ~(along < -NOTHING * np.abs(along).sum(1, keepdims=True)).any(axis=1)
 
 
-def _ears(points: Floats) -> Ints:
+def _cut_ears(points: Floats) -> Ints:
     """Triangles (T, 3) of one polygon (n, 3), as numbers of its corners."""
-    xy = _flat(points)
+    xy = _flatten(points)
     ring = np.arange(len(xy))
     found = []
     at = 0
     while len(ring) > 3:
         n = len(ring)
         a, b, c = xy[np.roll(ring, 1)], xy[ring], xy[np.roll(ring, -1)]
-        doubled = _doubled_areas(a, b, c)
+        doubled = _compute_doubled_areas(a, b, c)
         # A spike runs there and back, or repeats a point: it has no area, and an ear next to it could lie outside.
         spikes = np.flatnonzero((np.abs(doubled) <= NOTHING) & (((a - b) * (c - b)).sum(1) >= 0))
         if len(spikes):
@@ -103,12 +103,12 @@ def _ears(points: Floats) -> Ints:
         if doubled[ear] > NOTHING:
             found.append((ring[ear - 1], ring[ear], ring[(ear + 1) % n]))
         ring, at = np.delete(ring, ear), ear
-    if _doubled_areas(*xy[ring]) > NOTHING:
+    if _compute_doubled_areas(*xy[ring]) > NOTHING:
         found.append((ring[0], ring[1], ring[2]))
     return np.array(found, np.int64).reshape(-1, 3)
 
 
-def _flat(points: Floats) -> Floats:
+def _flatten(points: Floats) -> Floats:
     """Corners (n, 2) projected along the polygon's mean normal: counter-clockwise, in a box of 1."""
     points = points - points.mean(0)
     points = points / max(float(np.abs(points).max()), 1e-300)
@@ -123,7 +123,7 @@ def _is_free(xy: Floats, i: int) -> bool:
     """Whether no part of the polygon lies inside the triangle of corner i or on the cut that removes it."""
     n = len(xy)
     a, b, c = xy[i - 1], xy[i], xy[(i + 1) % n]
-    sides = np.stack([_doubled_areas(p, q, xy) for p, q in ((a, b), (b, c), (c, a))])
+    sides = np.stack([_compute_doubled_areas(p, q, xy) for p, q in ((a, b), (b, c), (c, a))])
     at_corner = [(xy == corner).all(1) for corner in (a, b, c)]
     inside = (sides[:2] > NOTHING).all(0) & (sides[2] > -NOTHING)
     if (inside & ~np.any(at_corner, axis=0)).any():
@@ -135,7 +135,7 @@ def _is_free(xy: Floats, i: int) -> bool:
     return True
 
 
-def _doubled_areas(a: Floats, b: Floats, c: Floats) -> Floats:
+def _compute_doubled_areas(a: Floats, b: Floats, c: Floats) -> Floats:
     """Twice the area of triangles, positive if they are counter-clockwise."""
     u, v = b - a, c - a
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])

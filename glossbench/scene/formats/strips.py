@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 
 
-def strip_triangles(values: Ints, counts: Ints) -> Ints:
+def split_strip(values: Ints, counts: Ints) -> Ints:
     """Triangles (T, 3) of strips with lengths `counts`; -1 also ends a strip. Winding is that of a strip's first one.
 
     Triangle i is i, i + 1, i + 2; every second one is reversed. A triangle that has a vertex twice is a seam between
@@ -26,7 +26,7 @@ def strip_triangles(values: Ints, counts: Ints) -> Ints:
     return _without_seams(faces)
 
 
-def fan_triangles(values: Ints) -> Ints:
+def split_fan(values: Ints) -> Ints:
     """Triangles (T, 3) of one fan: its first vertex with each edge between the others."""
     faces = np.stack([np.full(max(len(values) - 2, 0), values[0]), values[1:-1], values[2:]], axis=1)
     return _without_seams(faces)

@@ -1,4 +1,4 @@
-// Numbers as print sets them: 0.0123, 1240, 1.20×10⁻⁶; – for none. The same as figures.number.
+// Numbers as in print: 0.0123, 1240, 1.20×10⁻⁶; – for null. The same as `format_number` in reports/style.py.
 
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
@@ -12,7 +12,7 @@ function number(value, digits = 3) {
   return minus(mantissa) + "×10" + raised(power);
 }
 
-// A tick has no more digits than it needs: 0.05, 2000, 10⁻⁷.
+// A tick without trailing digits: 0.05, 2000, 10⁻⁷.
 function tick(value) {
   const mantissa = value.toExponential(2).split("e")[0].replace(/\.?0+$/, "");
   return number(value, mantissa.replace(/[.-]/g, "").length).replace(/^1×/, "");

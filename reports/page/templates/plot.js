@@ -25,7 +25,7 @@ function markerPath(index) {
   return MARKERS[index % MARKERS.length];
 }
 
-// `shown` says which lines of a panel are drawn; `describe` says what a point is, for those who do not see it.
+// `shown` says which lines of a panel are drawn; `describe` returns the text of a point for screen readers.
 function drawPlot({ panel, shown, width, height, describe }) {
   const lines = panel.lines.filter((line) => shown(line));
   const isNamed = panel.y.names.length > 0;
@@ -87,7 +87,7 @@ function drawPlot({ panel, shown, width, height, describe }) {
   return svg;
 }
 
-// What the reference cannot resolve.
+// The band of errors that the reference cannot resolve.
 function floorOf(left, top, right, bottom) {
   return svgElement("rect", { class: "floor", x: left, y: top, width: right - left, height: bottom - top });
 }
@@ -116,7 +116,7 @@ function axes(horizontal, vertical, area, below, above) {
   return group;
 }
 
-// Whether there is room for a tick at each value of what is swept.
+// Whether there is room for a tick at each value of the sweep.
 function fit({ at }, values) {
   const places = values.map(at).sort((a, b) => a - b);
   return places.every((x, i) => i === 0 || x - places[i - 1] > 36);
@@ -136,21 +136,21 @@ function bandOf(line, indices, horizontal, vertical, area) {
   return svgElement("path", { class: "band", d, fill: line.colour, "data-line": line.index });
 }
 
-// From the fastest to the slowest run of a point.
+// A bar from the fastest to the slowest run of a point.
 function spreadOf(line, i, { at }, vertical) {
   const [from, to] = line.spread.map((end) => at(end[i]).toFixed(1));
   const y = vertical.at(line.y[i]).toFixed(1);
   return svgElement("path", { class: "spread", d: `M${from} ${y}H${to}`, stroke: line.colour });
 }
 
-// What the noise of the reference leaves open, along y, or along x where rows have names.
+// The interval from the noise of the reference, along y, or along x if rows have names.
 function intervalOf(line, i, [x, y], { at }, isAcross, area) {
   const [low, high] = isAcross ? [area.left, area.right] : [area.top, area.bottom];
   const [from, to] = line.interval.map((ends) => (ends[i] > 0 ? Math.min(high, Math.max(low, at(ends[i]))) : isAcross ? low : high).toFixed(1));
   return svgElement("path", { class: "interval", d: isAcross ? `M${from} ${y}H${to}` : `M${x} ${from}V${to}`, stroke: line.colour });
 }
 
-// The Pareto front of all lines: stairs through its points that are shown, and a ring about each.
+// The Pareto front of all lines: stairs through those of its points that are shown, and a ring around each.
 function frontOf(panel, lines, place, indices) {
   const points = panel.fronts
     .map(([line, i]) => [panel.lines[line], i])

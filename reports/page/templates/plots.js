@@ -1,10 +1,10 @@
-// The plots of the page: what is chosen, its lines as a key, and one drawing for each panel of each figure.
+// The plots of the page: the choices, the lines as a legend, and one drawing for each panel of each figure.
 
 function openCell(key) {
   document.dispatchEvent(new CustomEvent("open-cell", { detail: { key } }));
 }
 
-// A panel with its axes and lines, which the data hold once for all panels.
+// A panel with its axes and lines, which the data store once for all panels.
 function unpacked(panel, pool) {
   const all = (places) => places && places.map((place) => pool[place]);
   const lines = panel.lines.map(([x, y, rest]) => {
@@ -25,10 +25,10 @@ function plots() {
   const [form, key, nothing, boxes] = ["controls", "key", "nothing", "options"].map(
     (name) => document.getElementById(`plot-${name}`));
   const hidden = new Set(); // indices of lines, which are the same in every case over one quantity
-  const without = new Set(); // values of options whose lines are out of plots and key
+  const without = new Set(); // values of options whose lines are neither in plots nor in the legend
   const names = Object.keys(titles);
   const selects = Object.fromEntries(names.map((name) => [name, selectOf(name, titles[name])]));
-  let drawn = []; // of each panel that is shown: it, and its place in the page
+  let drawn = []; // the panels that are shown, each with its element
 
   function selectOf(name, title) {
     const select = Object.assign(document.createElement("select"), { id: `plot-${name}` });
@@ -40,7 +40,7 @@ function plots() {
 
   const agrees = ({ given }, among) => among.every((name) => !(name in given) || pool[given[name]].name === selects[name].value);
 
-  // What an option may be, where those before it are as chosen; what is chosen stays, if it is still there.
+  // The choices of an option, given the options before it; the present choice stays if it is among them.
   const offer = (name) => {
     const before = names.slice(0, names.indexOf(name));
     const places = new Set(figures.flatMap(({ cases }) => cases)
@@ -62,14 +62,14 @@ function plots() {
 
   const chosenCases = () => figures.flatMap(({ cases }) => cases.filter((each) => agrees(each, names)).slice(0, 1));
 
-  // What there is for the choice; a last resort only where there is nothing else.
+  // The panels for the present choices; a last resort only if there are no others.
   const chosenPanels = () => {
     const panels = chosenCases().flatMap((each) => each.panels).map((panel) => unpacked(panel, pool));
     const others = panels.filter(({ isLastResort }) => !isLastResort);
     return others.length ? others : panels.slice(0, 1);
   };
 
-  // All lines of the panels, once, each with the slope that the first panel has of it.
+  // All lines of the panels without repetition, each with its slope in the first panel.
   const linesOf = (panels) => {
     const found = new Map();
     for (const line of panels.flatMap(({ lines }) => lines)) {
@@ -122,7 +122,7 @@ function plots() {
     }
   };
 
-  // The key is made again only by a choice: a click on it must survive a drawing to another width.
+  // Only a choice makes the legend again: the focus on it must survive a drawing at another width.
   const choose = () => {
     const panels = chosenPanels();
     for (const { figure } of drawn) figure.remove();
@@ -150,7 +150,7 @@ function plots() {
     boxes.replaceChildren(...optionsOf(linesOf(others.flatMap((each) => each.panels).map((panel) => unpacked(panel, pool)))));
   };
 
-  // Where lines differ in two options or more, a box for each value: without it, its lines are away.
+  // If lines differ in two options or more, a checkbox for each value hides or shows its lines.
   const optionsOf = (lines) => {
     const values = {};
     for (const line of lines) {

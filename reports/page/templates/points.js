@@ -1,6 +1,6 @@
-// The points of all plots under the pointer and the keys: one cell is marked in every plot, with a tip where it is.
+// Points of plots under the pointer and with keys: the marked cell is marked in every plot, with a tip at the point.
 
-const REACH = 28; // pixels from a point that still count as on it
+const REACH = 28; // largest distance [pixels] at which the pointer is on a point
 
 function followPoints(container, tipOf, open) {
   const tip = document.createElement("div");
@@ -62,7 +62,7 @@ function followPoints(container, tipOf, open) {
   });
 }
 
-// Left and right along a line, up and down to the next one; the plot keeps one point in the order of the tab key.
+// Left and right move along a line, up and down to the next line; one point of each plot is in the tab order.
 function move(point, key) {
   const all = [...point.ownerSVGElement.querySelectorAll(".point")];
   const lines = [...new Set(all.map((other) => other.dataset.line))];

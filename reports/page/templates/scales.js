@@ -1,8 +1,8 @@
 // Scales: from values to pixels, with their ticks.
 
-const ZERO_SLOT = 22; // pixels at the low end of a log scale that holds the costs of nothing
+const ZERO_SLOT = 22; // pixels at the low end of a log scale for costs of zero
 
-// Log scale over positive values; a zero, where there is one, stands in a slot of its own at the low end.
+// Log scale over positive values; zeros have a separate slot at the low end.
 function logScale(values, [from, to], margin = 1.5) {
   const positive = values.filter((value) => value > 0);
   const hasZero = values.some((value) => value === 0);
@@ -13,11 +13,11 @@ function logScale(values, [from, to], margin = 1.5) {
     value === 0 ? from + (ZERO_SLOT / 3) * Math.sign(to - from)
       : start + ((to - start) * Math.log(value / low)) / Math.log(high / low);
   const { major, minor } = positive.length ? logTicks(low, high, Math.abs(to - start)) : { major: [], minor: [] };
-  const apart = major.filter((value) => !hasZero || Math.abs(at(value) - at(0)) > 30); // a label's width from that of zero
+  const apart = major.filter((value) => !hasZero || Math.abs(at(value) - at(0)) > 30); // a label's width away from the label of zero
   return { at, low, high, hasZero, major: hasZero ? [0, ...apart] : apart, minor };
 }
 
-// Decades where there are two or more; else 1, 2 and 5; else what is in between; as many as there is room for.
+// Decades if there are at least two; else 1, 2 and 5; else values between; as many as there is room for.
 function logTicks(low, high, pixels) {
   const first = Math.floor(Math.log10(low));
   const last = Math.ceil(Math.log10(high));

@@ -1,4 +1,4 @@
-// The table of cells: a head sorts the rows of each group, words filter them, a name opens its image.
+// The table of cells: a click on a head sorts the rows of each group, words filter them, a name opens its image.
 
 function sortable(table) {
   for (const head of table.querySelectorAll("th[data-column]")) {
@@ -17,7 +17,7 @@ function sortable(table) {
   for (const row of rowsOf(table)) row.dataset.order = [...row.parentNode.children].indexOf(row);
 }
 
-// Without a direction rows go back to the order of the study; what has no value comes last in any direction.
+// Without a direction, rows are in the order of the study; rows without a value come last in both directions.
 function sortRows(table, column, direction) {
   const sign = direction === "descending" ? -1 : 1;
   const compare = (a, b) => {
@@ -37,7 +37,7 @@ function rowsOf(table) {
   return [...table.querySelectorAll("tr[data-values]")];
 }
 
-// A row stays where it, or the title of its group, holds every word.
+// A row is shown if it, or the title of its group, contains every word.
 function filterable(table, input, count) {
   const rows = rowsOf(table);
   const texts = new Map(rows.map((row) => {

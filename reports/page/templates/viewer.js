@@ -1,6 +1,6 @@
-// The viewer: images of a group flipped, split or side by side, under one exposure, one error scale, one zoom.
-// The other viewer_*.js files are part of this module; each says what it does. Nothing here knows the rest of the page,
-// which asks for a cell with: document.dispatchEvent(new CustomEvent('open-cell', {detail: {key}})).
+// The viewer: images of a group, one at a time, split or side by side, with one exposure, one error scale, one zoom.
+// The other viewer_*.js files are part of this module. It does not depend on the rest of the page, which opens a cell
+// with: document.dispatchEvent(new CustomEvent('open-cell', {detail: {key}})).
 
 queueMicrotask(() => {
   const root = document.getElementById('viewer');
@@ -41,7 +41,7 @@ class Viewer {
     });
     document.addEventListener('open-cell', (event) => this.openCell(event.detail.key));
     new ResizeObserver(this.again).observe(this.stage);
-    // Nothing is unpacked before it is nearly seen.
+    // Images are unpacked when they are near the visible part of the page.
     new IntersectionObserver(([entry]) => {
       this.seen = entry.isIntersecting;
       if (this.seen) this.schedule();
@@ -57,7 +57,7 @@ class Viewer {
     return this.group.images;
   }
 
-  // The look that all images share; the reference, which has no error, is always seen as it is.
+  // The look that all images share; the reference, which has no error, is always shown as an image.
   lookOf(index) {
     const { tone, stops, range } = this.state, mode = index === 0 ? 'image' : this.state.mode;
     return { mode, tone, gain: 2 ** (this.group.stops + stops), limit: range ?? this.group.ranges[mode] ?? 1 };
@@ -78,8 +78,8 @@ class Viewer {
     }, { once: true });
     const isPlain = this.painter instanceof PlainPainter;
     this.root.querySelector('.viewer-painter').textContent = isPlain
-      ? 'No graphics card speeds up WebGL2 here, so the processor colours the images: a new exposure or error takes '
-        + 'longer, and zoomed out it is the colours that are averaged.'
+      ? 'This browser has no hardware-accelerated WebGL2, so the processor colours the images: a new exposure or error '
+        + 'takes longer, and zoomed out the screen shows means of colours, not of radiance.'
       : 'Drawn with WebGL2.';
     this.root.dataset.painter = isPlain ? 'plain' : 'webgl2';
   }
@@ -98,7 +98,7 @@ class Viewer {
     return this.registry.groups.some((_, group) => this.open(group, key));
   }
 
-  // Shows an image, of another group where the zoom stays if the sizes are alike.
+  // Shows an image; in another group the zoom stays if the images have the same size.
   show(group, image) {
     const from = this.group, to = this.registry.groups[group];
     const same = from.width === to.width && from.height === to.height;
@@ -114,7 +114,7 @@ class Viewer {
     this.show(this.state.group, (this.state.image + by + n) % n);
   }
 
-  // The same cell of another group: the same name, options and samples, or else the same place.
+  // The same cell in another group: the one with the same name, options and samples, otherwise the same index.
   stepGroup(by) {
     const n = this.registry.groups.length, group = (this.state.group + by + n) % n;
     const now = this.images[this.state.image], there = this.registry.groups[group].images;
@@ -145,7 +145,7 @@ class Viewer {
     this.scheduled ??= requestAnimationFrame(this.draw);
   }
 
-  // An image of this group once it is here, else null.
+  // An image of this group if it is loaded, else null.
   loaded(index) {
     const { width, height, images } = this.group;
     return this.store.get(images[index].data, width, height, this.again);
@@ -180,7 +180,7 @@ class Viewer {
     }
   }
 
-  // Unpacks the neighbours of what is shown, so that a flip does not wait.
+  // Unpacks the neighbours of the shown image, so that a flip does not wait.
   ahead() {
     const n = this.images.length, { image } = this.state;
     if (this.panes.some((pane) => !pane.image)) return;

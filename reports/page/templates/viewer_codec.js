@@ -1,4 +1,4 @@
-// Images as the page holds them: base64 of deflated planes of half floats (reports/payload.py, `packed`).
+// Images as the page stores them: base64 of deflated planes of half floats (`packed` in reports/page/payload.py).
 
 // The number of each half float, by its bits.
 const HALF = (() => {

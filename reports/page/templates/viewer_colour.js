@@ -1,9 +1,9 @@
-// From radiance to the colour of a pixel: tone curves, error modes, colour maps. viewer_gl.js says the same in GLSL.
-// A look is {mode, gain, tone, limit}: what is shown, factor of the exposure, tone curve, end of the error scale.
+// From radiance to the colour of a pixel: tone curves, error modes, colour maps. viewer_gl.js does the same in GLSL.
+// A look is {mode, gain, tone, limit}: image or error, factor of the exposure, tone curve, end of the error scale.
 
 const TONES = ['srgb', 'reinhard', 'aces'];
 const MODES = ['image', 'signed', 'absolute', 'squared', 'relative', 'smape', 'flip'];
-const N_COLOURS = 255; // of a map: an odd count has a centre
+const N_COLOURS = 255; // of a map; an odd number has a centre
 const CURVE = Float32Array.from({ length: 16385 }, (_, i) => 255 * encoded(i / 16384));
 
 // The sRGB curve, IEC 61966-2-1.
@@ -19,7 +19,7 @@ function toned(v, tone) {
   return Math.min(v, 1);
 }
 
-// The error of the pixel that begins at `at`; x the image, y the reference, both bits of half floats.
+// The error of the pixel that begins at `at`; x is the image, y the reference, both as bits of half floats.
 function errorAt(mode, x, y, at, epsilon) {
   if (mode === 'flip') return HALF[x[at + 3]];
   let sum = 0;
@@ -34,13 +34,13 @@ function errorAt(mode, x, y, at, epsilon) {
   return sum / 3;
 }
 
-// The place of an error in its colour map.
+// The index of an error in its colour map.
 function colourIndex(error, look) {
   const v = Math.min(Math.max(error / look.limit, look.mode === 'signed' ? -1 : 0), 1);
   return Math.floor(look.mode === 'signed' ? 127.5 + 127 * v : 254 * v + 0.5);
 }
 
-// Colours of a rectangle of an image, as pixels of a canvas: transparent off the mask.
+// Colours of a rectangle of an image, as pixels of a canvas; transparent off the mask.
 function coloured(image, reference, look, colours, x0 = 0, y0 = 0, width = image.width, height = image.height) {
   const pixels = new ImageData(width, height), out = pixels.data;
   const x = image.half, y = reference.half;

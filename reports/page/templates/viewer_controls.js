@@ -1,4 +1,4 @@
-// The controls beside the images: they show the state, and change it.
+// The controls next to the images: they show the state, and change it.
 
 class Controls {
   constructor(viewer) {
@@ -48,7 +48,7 @@ class Controls {
     const stops = group.stops + state.stops;
     fields.exposure.value = `${stops < 0 ? '−' : '+'}${Math.abs(stops).toFixed(1)} stops`;
     fields.range.placeholder = number(group.ranges[state.mode] ?? 1);
-    if (document.activeElement !== fields.range) fields.range.value = state.range ?? ''; // not while one types
+    if (document.activeElement !== fields.range) fields.range.value = state.range ?? ''; // not while the user types
     for (const [selector, isShown] of [
       ['.viewer-other', state.layout === 'split'], ['.viewer-range', state.mode !== 'image'],
     ]) for (const each of this.form.querySelectorAll(selector)) each.hidden = !isShown;
@@ -85,7 +85,7 @@ class Controls {
     }));
   }
 
-  // The colour bar of the error shown.
+  // The colour bar of the shown error.
   bar(mode, limit) {
     const { registry, colours } = this.viewer;
     this.scale.hidden = mode === 'image';

@@ -1,4 +1,4 @@
-// Crops: rectangles of the image, shown enlarged for every image of the group, under the look of the stage.
+// Crops: rectangles of the image, shown enlarged for every image of the group, with the look of the stage.
 
 const MOST_CROPS = 6;
 
@@ -15,7 +15,7 @@ class Crops {
     this.viewer.say(`Crop ${this.viewer.state.crops.length}: ${described(crop)}`);
   }
 
-  // What is in view; its middle half where that is all.
+  // The visible part; if the whole image is visible, its middle half.
   addVisible() {
     const { viewer } = this, { width, height } = viewer.group;
     const pane = viewer.panes[0], seen = visible(viewer, { ...pane, rect: pane.frame });
@@ -65,7 +65,7 @@ class Crops {
       const pixels = coloured(image, viewer.reference, viewer.lookOf(index), viewer.colours, x, y, width, height);
       canvas.getContext('2d').putImageData(pixels, 0, 0);
     } else if (!image?.problem) {
-      this.drawn = null; // again when it is here
+      this.drawn = null; // drawn again when the image is loaded
     }
     return button;
   }

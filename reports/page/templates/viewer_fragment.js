@@ -1,4 +1,4 @@
-// What the viewer shows, as the fragment of the page's address: a link to a crop is a link to this page.
+// The state of the viewer as the fragment of the page's address, so that a link can show a crop.
 
 const ROUND = (v, digits) => Number(v.toFixed(digits));
 
@@ -18,7 +18,7 @@ function writeFragment(viewer) {
   history.replaceState(null, '', `#${fields.toString().replaceAll('%2C', ',')}`);
 }
 
-// The state that a fragment asks for; null where it asks for none. Whatever is not as it should be is left out.
+// The state in a fragment; null if it has none. Invalid parts are left out.
 function readFragment({ groups }, fragment) {
   const fields = new URLSearchParams(fragment.slice(1));
   const group = groups.findIndex(({ images }) => images.some(({ key }) => key === fields.get('image')));

@@ -1,6 +1,6 @@
-// Paints panes with WebGL2: radiance stays half floats on the card, every look is computed as it is shown.
-// A pane is {image, reference, look, rect, origin, scale}: which part of the canvas, where the image's corner lies,
-// canvas pixels to an image pixel; all in canvas pixels from the top left.
+// Draws panes with WebGL2: radiance is stored as half floats on the graphics card, and looks are computed while drawing.
+// A pane is {image, reference, look, rect, origin, scale}: rect is its part of the canvas, origin the corner of the
+// image, both in canvas pixels from the top left; scale is canvas pixels per image pixel.
 
 const VERTEX = `#version 300 es
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }`;
@@ -37,7 +37,7 @@ float error(vec4 x, vec3 y) {
 void main() {
   vec2 at = (vec2(gl_FragCoord.x, height - gl_FragCoord.y) - origin) / scale;
   ivec2 size = textureSize(image, 0);
-  int n = clamp(int(ceil(1.0 / scale - 1e-4)), 1, 16); // taps a side: a canvas pixel shows the mean of what it covers
+  int n = clamp(int(ceil(1.0 / scale - 1e-4)), 1, 16); // taps per side: a canvas pixel shows the mean of the pixels that it covers
   vec4 sum = vec4(0.0);
   float errors = 0.0, inside = 0.0;
   for (int j = 0; j < n; j++) {
@@ -66,8 +66,8 @@ void main() {
 }`;
 
 class GlPainter {
-  // Whether there is WebGL2 on a graphics card. Where the processor plays the card, a frame takes 0.15 s of it and more
-  // (SwiftShader, 888 x 720, measured), and PlainPainter 0.01 s.
+  // Whether there is WebGL2 on a graphics card. In software, a frame takes at least 0.15 s of the processor
+  // (SwiftShader, 888 x 720, measured), and PlainPainter takes 0.01 s.
   static isFast() {
     const gl = document.createElement('canvas').getContext('webgl2', { failIfMajorPerformanceCaveat: true });
     if (!gl) return false;
@@ -149,7 +149,7 @@ class GlPainter {
     this.forget(panes);
   }
 
-  // Keeps the textures of these panes, and of others what fits.
+  // Keeps the textures of these panes, and as many others as fit.
   forget(panes) {
     const shown = new Set(panes.flatMap((pane) => [pane.image.name, pane.reference.name]));
     let held = 0;

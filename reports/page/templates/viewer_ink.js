@@ -1,6 +1,6 @@
-// What is written over the images: values of enlarged pixels, outlines of crops, names of panes.
+// Drawn over the images: values of enlarged pixels, outlines of crops, names of panes.
 
-const VALUES_FROM = 44; // CSS pixels to an image pixel: room for three numbers
+const VALUES_FROM = 44; // CSS pixels per image pixel that have room for three numbers
 
 function drawInk(viewer) {
   const canvas = viewer.stage.querySelector('.viewer-ink'), context = canvas.getContext('2d');
@@ -22,7 +22,7 @@ function drawInk(viewer) {
   }
 }
 
-// Paper between panes, and where there is none.
+// The background between panes and outside them.
 function inkGaps(context, { panes, size }, colours) {
   context.fillStyle = colours.paper;
   context.beginPath();
@@ -82,7 +82,7 @@ function inkCrops(context, viewer, { scale, origin }) {
   });
 }
 
-// The name of a pane, over it, on the paper of the page.
+// The name of a pane above it, on the background of the page.
 function inkName(context, viewer, { index, rect, frame, image }, colours) {
   const { layout } = viewer.state, height = NAME[layout], top = frame.y - height;
   const { name } = viewer.images[index], state = image ? '' : '…';
@@ -104,7 +104,7 @@ function inkName(context, viewer, { index, rect, frame, image }, colours) {
   context.fillText(fitting(context, rest, box.width - indent - 8), box.x + indent, top + (layout === 'all' ? 17 : 3));
 }
 
-// As much of a text as there is room for.
+// A text, cut to the room that there is.
 function fitting(context, text, width) {
   if (context.measureText(text).width <= width) return text;
   let n = text.length;

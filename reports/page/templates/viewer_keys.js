@@ -1,4 +1,4 @@
-// Keys of the viewer: they work while it has the focus, or while nothing has and the pointer is over it.
+// Keys of the viewer: they work while it has the focus, or while the pointer is over it and nothing has the focus.
 
 const PAN_STEP = 48; // CSS pixels
 

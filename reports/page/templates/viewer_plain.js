@@ -1,4 +1,4 @@
-// Paints panes without WebGL2: each image is coloured once a look, by this processor, and then only scaled.
+// Draws panes without WebGL2: the processor colours each image once per look; then it is only scaled.
 
 class PlainPainter {
   constructor(canvas, colours) {

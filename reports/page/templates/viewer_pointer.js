@@ -1,8 +1,8 @@
-// Pointer and wheel on the stage: drag pans, Shift and drag marks a crop, two fingers and the wheel zoom.
+// Pointer and wheel on the stage: drag pans, Shift + drag marks a crop, two fingers and the wheel zoom.
 
 function listenToPointer(viewer) {
   const { stage, handle } = viewer;
-  const down = new Map(); // pointers on the stage, by id: where they are
+  const down = new Map(); // positions of the pointers on the stage, by id
   let start = null;
 
   const place = (event) => {
@@ -17,10 +17,10 @@ function listenToPointer(viewer) {
     start = event.shiftKey ? pointed(viewer, ...Object.values(place(event))) : null;
     try {
       stage.setPointerCapture(event.pointerId);
-    } catch {} // a pointer that has left already
+    } catch {} // the pointer has already left
   });
 
-  // Without this the browser scrolls by two fingers, and takes them away.
+  // Without this the browser scrolls with two fingers and cancels their events.
   stage.addEventListener('touchstart', (event) => {
     if (event.touches.length > 1) event.preventDefault();
   }, { passive: false });
@@ -51,7 +51,7 @@ function listenToPointer(viewer) {
     viewer.controls.read();
   });
 
-  // The wheel scrolls the page, until the stage is asked for by a click or a key.
+  // The wheel scrolls the page until a click or a key gives the focus to the stage.
   stage.addEventListener('wheel', (event) => {
     if (!stage.contains(document.activeElement) && !event.ctrlKey) return;
     event.preventDefault();
@@ -73,14 +73,14 @@ function listenToPointer(viewer) {
   });
 }
 
-// Two fingers: the one that moved zooms about the other.
+// Two fingers: the one that moves zooms around the other.
 function pinch(viewer, fingers, moved, before) {
   const [, now] = fingers.find(([id]) => id === moved), [, still] = fingers.find(([id]) => id !== moved);
   const distance = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
   zoomAt(viewer, distance(now, still) / Math.max(distance(before, still), 1), still);
 }
 
-// The crop between where the drag began and where it is.
+// The crop between the start of the drag and its present position.
 function mark(viewer, { pane, x, y }, now) {
   const { group } = viewer;
   const to = { x: (now.x - pane.origin.x) / pane.scale, y: (now.y - pane.origin.y) / pane.scale };

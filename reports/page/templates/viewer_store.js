@@ -1,9 +1,9 @@
-// Images by name: from blocks of the page, or from files beside it, unpacked when first asked for.
+// Images by name: from blocks of the page, or from files next to it, unpacked at first use.
 
-const MOST_BYTES = 400e6; // of unpacked images; those not seen for longest go first
-const WAITING = new Map(); // names of files on their way, and who waits for them
+const MOST_BYTES = 400e6; // of unpacked images; the least recently shown ones are dropped first
+const WAITING = new Map(); // callbacks that wait, by the name of a file that is being loaded
 
-// A file beside the page is a script that calls this: a page opened from disk may load nothing else.
+// An image file is a script that calls this: a page opened from disk may load nothing else.
 globalThis.glossbenchImage = (name, base64) => WAITING.get(name)?.(base64);
 
 class Store {
@@ -13,7 +13,7 @@ class Store {
     this.loading = new Map();
   }
 
-  // The image if it is there, else null, and `then` is called when it is.
+  // The image if it is loaded; else null, and `then` is called when it is loaded.
   get(name, width, height, then) {
     const image = this.images.get(name);
     if (image) {
@@ -54,8 +54,8 @@ class Store {
       const path = `${this.folder}/${name}.js`;
       WAITING.set(name, resolve);
       script.src = path;
-      script.onerror = () => reject(new Error(`${path} is missing: keep that folder beside this page`));
-      script.onload = () => reject(new Error(`${path} is damaged`)); // too late where it has called
+      script.onerror = () => reject(new Error(`${path} is missing: keep that folder next to this page`));
+      script.onload = () => reject(new Error(`${path} is damaged`)); // has no effect if the script has called
       document.head.append(script);
     }).finally(() => {
       WAITING.delete(name);

@@ -1,9 +1,9 @@
-// Where images lie on the stage: panes of a layout, zoom and centre that all of them share; in CSS pixels.
+// Positions of images on the stage: the panes of a layout, and their common zoom and centre; in CSS pixels.
 
 const MOST_PANES = 16, LARGEST_ZOOM = 160, GAP = 6;
 const NAME = { one: 22, split: 22, all: 32 }; // height of the names over the panes
 
-// Stage and canvases take the shape of the group's images.
+// Gives stage and canvases the shape of the group's images.
 function resize(viewer) {
   const { stage, canvas, group } = viewer;
   const ratio = window.devicePixelRatio || 1, width = stage.clientWidth;
@@ -19,7 +19,7 @@ function resize(viewer) {
   }
 }
 
-// Panes {index, rect, frame, scale, origin}: what part of the stage shows which image, and where its corner lies.
+// Panes {index, rect, frame, scale, origin}: the image, its part of the stage, and the position of its corner.
 function panesOf(viewer) {
   const { width, height } = viewer.size, { layout, image, other, split } = viewer.state;
   const full = { x: 0, y: NAME[layout], width, height: height - NAME[layout] };
@@ -45,13 +45,13 @@ function placed({ group, state }, frame) {
   };
 }
 
-// The whole image in a frame; enlarged much, by a whole number, so that its pixels are alike.
+// The whole image in a frame; a strong enlargement is by a whole number, so that all pixels have the same size.
 function fitted(group, frame) {
   const scale = Math.min(frame.width / group.width, frame.height / group.height);
   return scale >= 3 ? Math.floor(scale) : scale;
 }
 
-// Up to MOST_PANES images around the one chosen, the reference first, as large as they may be.
+// Up to MOST_PANES images around the chosen one, the reference first, as large as possible.
 function grid(viewer) {
   const { width, height } = viewer.size, { group, images } = viewer;
   const n = Math.min(images.length, MOST_PANES);
@@ -71,21 +71,21 @@ function grid(viewer) {
   }));
 }
 
-// The middle of what shows the chosen image.
+// The centre of the pane of the chosen image.
 function middle({ panes, state }) {
   const { frame, rect } = panes.find(({ index }) => index === state.image) ?? panes[0];
   const x = Math.min(Math.max(frame.x + frame.width / 2, rect.x), rect.x + rect.width - 1);
   return { x, y: frame.y + frame.height / 2 };
 }
 
-// The pane under a point of the stage, and where in its image that is.
+// The pane under a point of the stage, and the position in its image.
 function pointed(viewer, x, y) {
   const holds = ({ rect }) => x >= rect.x && y >= rect.y && x < rect.x + rect.width && y < rect.y + rect.height;
   const pane = viewer.panes?.find(holds);
   return pane && { pane, x: (x - pane.origin.x) / pane.scale, y: (y - pane.origin.y) / pane.scale };
 }
 
-// Zooms by a factor; what is under the point stays there.
+// Zooms by a factor around a point of the stage.
 function zoomAt(viewer, factor, { x, y } = middle(viewer)) {
   const at = pointed(viewer, x, y);
   if (!at) return;
@@ -98,7 +98,7 @@ function zoomAt(viewer, factor, { x, y } = middle(viewer)) {
   viewer.change({ zoom, centre: kept(viewer, centre) });
 }
 
-// Moves images by so many pixels of the stage.
+// Moves images by this many pixels of the stage.
 function panBy(viewer, dx, dy) {
   const { scale } = viewer.panes[0], { group, state } = viewer;
   const centre = state.centre ?? { x: group.width / 2, y: group.height / 2 };

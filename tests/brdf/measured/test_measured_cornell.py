@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from glossbench.brdf.measured.colorimetry import D65, WAVELENGTHS, X_BAR, Y_BAR, Z_BAR, rec709
-from glossbench.brdf.measured.cornell import factored, read_cornell, read_samples
+from glossbench.brdf.measured.cornell import factor_samples, read_cornell, read_samples
 from glossbench.directions import Vec3
 from glossbench.errors import InputError
 from oracles.hemisphere import vectors
@@ -108,13 +108,13 @@ def test_factors_of_a_product_are_found_from_scattered_samples(file):
     value = 0.2 * np.exp(-3 * np.arccos(cos_h)) * (samples.wo.z * samples.wi.z).numpy() ** -0.3
     made = type(samples)(samples.wi, samples.wo, np.stack([value, 2 * value, 0.5 * value], 1))
 
-    table = factored(made, "cpu")
+    table = factor_samples(made, "cpu")
 
     # Measured: 0.006; the maps are linear between nodes, the functions are not.
     assert relative_l2(table, made) < 0.015
 
 
-# Files that are none.
+# Invalid files.
 
 
 def a_file(wavelengths=WAVELENGTHS, rows=None):
@@ -131,13 +131,19 @@ def one_row(**changed):
 
 
 WRONG = {
-    "nothing": ("", "no goniometer file of 31 wavelengths"),
+    "nothing": ("", "not a goniometer file of 31 wavelengths"),
     "prose": ("this is\nno measurement\n", "holds more than numbers and comments"),
     "another script": ("\u00e4\u00f6\u00fc", "holds more than numbers and comments"),
-    "other wavelengths": (a_file(wavelengths=WAVELENGTHS + 5), "no goniometer file of 31 wavelengths from 400 to 700"),
-    "fewer wavelengths": (a_file(wavelengths=WAVELENGTHS[:10]), "no goniometer file of 31 wavelengths"),
+    "other wavelengths": (
+        a_file(wavelengths=WAVELENGTHS + 5),
+        "not a goniometer file of 31 wavelengths from 400 to 700",
+    ),
+    "fewer wavelengths": (a_file(wavelengths=WAVELENGTHS[:10]), "not a goniometer file of 31 wavelengths"),
     "no samples": (a_file(rows=np.zeros(0)), "truncated: 0 numbers"),
-    "a sample cut off": (a_file().rsplit("\n", 9)[0], "truncated: 97 numbers of samples, 35 make one"),
+    "a sample cut off": (
+        a_file().rsplit("\n", 9)[0],
+        "truncated: 97 numbers after its header, must be a multiple of 35",
+    ),
     "NaN": (one_row(_9=np.nan), "with 1 numbers that are not finite"),
     "infinite as float32": (one_row(_9=1e39), r"with 1 numbers that are not finite, or above 1e\+30"),
     "an infinite angle": (one_row(_1=np.inf), "with 1 numbers that are not finite"),
@@ -147,7 +153,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_files_that_are_none_are_refused(tmp_path, name):
+def test_invalid_files_are_refused(tmp_path, name):
     content, message = WRONG[name]
     path = tmp_path / "x.brdf"
     path.write_text(content, encoding="utf-8")

@@ -11,8 +11,8 @@ from scipy.stats import binom, chi2
 
 from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.material import Material, Reflectance
-from glossbench.brdf.measured.half_vector_density import RINGS, SECTORS, VIEWS, half_vector_density
-from glossbench.brdf.measured.lobe import MeasuredLobe, measured_lobe
+from glossbench.brdf.measured.half_vector_density import RINGS, SECTORS, VIEWS, build_half_vector_density
+from glossbench.brdf.measured.lobe import MeasuredLobe, build_measured_lobe
 from glossbench.directions import Vec3, points_2d
 from oracles.hemisphere import direction, vectors
 from oracles.lobe_checks import check_fused
@@ -38,7 +38,7 @@ class ByFormula:
 
 @cache
 def lobe_of(m=0.2, kd=0.1, known_only=False, **rest):
-    return measured_lobe(ByFormula(Kurt(m=m, kd=kd, **rest)), known_only, "cpu")
+    return build_measured_lobe(ByFormula(Kurt(m=m, kd=kd, **rest)), known_only, "cpu")
 
 
 def cell_solid_angles():
@@ -61,7 +61,7 @@ def test_density_of_each_view_integrates_to_one(m):
 
 
 def test_a_view_without_any_light_is_sampled_all_the_same():
-    density = half_vector_density(lambda wo, wi: (torch.zeros_like(wi.z + wo.z),) * 3, "cpu")
+    density = build_half_vector_density(lambda wo, wi: (torch.zeros_like(wi.z + wo.z),) * 3, "cpu")
 
     drawn = density.sample_points(points_2d(256))
 
@@ -156,7 +156,7 @@ def test_weight_of_a_sample_is_f_cos_over_pdf():
 @pytest.mark.parametrize("view", [(0.0, 0.0), (0.7, 1.0), (1.5, 2.0)])
 def test_albedo_by_the_sampler_is_that_of_the_formula(view):
     material = Kurt(m=0.2, kd=0.1)
-    lobe = measured_lobe(ByFormula(material), False, "cpu")
+    lobe = build_measured_lobe(ByFormula(material), False, "cpu")
 
     albedo = lobe.albedo(vectors([direction(*view)]), 1 << 15)
 
@@ -167,7 +167,7 @@ def test_albedo_by_the_sampler_is_that_of_the_formula(view):
 # What is not known.
 
 
-def test_lobe_is_black_where_nothing_is_known_and_only_where_it_is_asked_to():
+def test_a_lobe_is_black_only_in_unknown_regions_and_only_if_this_is_stated():
     wo, wi = vectors([direction(0.3, 0.0)] * 2), vectors([direction(0.3, pi), direction(1.5, pi)])
 
     black, filled = lobe_of(known_only=True).f(wo, wi), lobe_of().f(wo, wi)
@@ -205,7 +205,7 @@ class AsTable(Glossy):
 
         class Wrapped(Material):
             def reflectance(self, device="cpu"):
-                return Reflectance((), (measured_lobe(ByFormula(known), False, device),))
+                return Reflectance((), (build_measured_lobe(ByFormula(known), False, device),))
 
         return Wrapped()
 

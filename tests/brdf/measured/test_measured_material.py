@@ -13,7 +13,7 @@ from glossbench.brdf.kurt import Kurt
 from glossbench.brdf.lobe import Lobe
 from glossbench.brdf.material import MATERIALS
 from glossbench.brdf.measured.fitting import fit_lobes
-from glossbench.brdf.measured.lobe import MeasuredLobe, measured_lobe
+from glossbench.brdf.measured.lobe import MeasuredLobe, build_measured_lobe
 from glossbench.brdf.mixture import Sum
 from glossbench.directions import Vec3
 from glossbench.errors import InputError
@@ -73,7 +73,7 @@ def test_senseless_options_are_refused(options, message):
 def test_a_file_that_is_missing_or_of_another_format_is_refused(data):
     with pytest.raises(InputError, match=r"no BRDF file 'gone.brdf'"):
         gb.material("measured", file="gone.brdf").key()
-    with pytest.raises(InputError, match="no tensor file: begins with"):
+    with pytest.raises(InputError, match="not a tensor file: it begins with"):
         gb.material("measured", file=str(data / "cayman.brdf"), format="rgl").reflectance()
 
 
@@ -88,7 +88,7 @@ def test_facts_state_what_was_measured(data):
     assert facts.known_share == pytest.approx(0.957, abs=0.002)
 
 
-def test_what_is_not_known_is_black_unless_it_is_asked_for():
+def test_unknown_values_are_black_unless_extrapolation_is_stated():
     wo, wi = (vectors([[s * np.sin(1.54), 0.0, np.cos(1.54)]]) for s in (1, -1))
     black, filled = gb.material("cayman"), gb.material("cayman", unknown="extrapolated")
 
@@ -156,7 +156,7 @@ class Known:
 def test_a_kurt_material_is_found_again():
     material = Kurt(m=0.15, shadowing=0.3, f0=(0.5, 0.4, 0.3), ks=(0.8, 0.7, 0.6), kd=(0.1, 0.2, 0.3))
 
-    fit = fit_lobes(measured_lobe(Known(material), False, "cpu"), "kurt", 1)
+    fit = fit_lobes(build_measured_lobe(Known(material), False, "cpu"), "kurt", 1)
 
     (lobe,) = fit.material.lobes
     assert fit.error < 1e-3  # measured 2e-5
@@ -166,7 +166,7 @@ def test_a_kurt_material_is_found_again():
     assert fit.material.kd == pytest.approx((0.1, 0.2, 0.3), rel=2e-2)
 
 
-def test_fit_of_a_paint_keeps_what_is_no_highlight():
+def test_fit_of_a_paint_keeps_what_is_not_a_highlight():
     material = gb.material("cayman")
     wo, wi = vectors(random_hemisphere(4000, 1)), vectors(random_hemisphere(4000, 2))
     f, g = (torch.stack(m.f(wo, wi)) * wo.z * wi.z for m in (material, material.fit().material))

@@ -1,4 +1,4 @@
-"""MERL files: written here after the published format, read back by an evaluation of its own."""
+"""MERL files: written here after the published format, read back by a separate evaluation."""
 
 from math import pi
 
@@ -129,10 +129,10 @@ def header(*dimensions):
 
 
 HOSTILE = {
-    "nothing": (b"", "no MERL file: 0 bytes"),
+    "nothing": (b"", "not a MERL file: 0 bytes"),
     "a header alone": (header(90, 90, 180), f"MERL file truncated: 12 bytes, must be {SIZE}"),
     "other dimensions": (header(90, 90, 360) + bytes(64), r"dimensions \(90, 90, 360\), must be \(90, 90, 180\)"),
-    "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(64), "no MERL file of an isotropic BRDF: dimensions"),
+    "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(64), "not a MERL file of an isotropic BRDF: dimensions"),
     "negative dimensions": (header(-1, 90, 180), "dimensions"),
 }
 

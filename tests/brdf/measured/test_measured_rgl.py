@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from glossbench.brdf.measured.lobe import measured_lobe
+from glossbench.brdf.measured.lobe import build_measured_lobe
 from glossbench.brdf.measured.rgl import read_rgl
 from glossbench.brdf.measured.tensor_file import read_tensors
 from glossbench.errors import InputError
@@ -103,7 +103,7 @@ def test_nodes_without_luminance_are_not_known(file):
 
 
 def test_albedo_by_the_tabulated_density_is_that_of_the_values(table):
-    lobe = measured_lobe(table, False, "cpu")
+    lobe = build_measured_lobe(table, False, "cpu")
     wo = vectors([direction(0.5, 0.0)])
 
     albedo = lobe.albedo(wo, 1 << 14)[0].numpy()
@@ -116,7 +116,7 @@ def test_albedo_by_the_tabulated_density_is_that_of_the_values(table):
     np.testing.assert_allclose(albedo, 2 * pi * (f * wi[:, 2:]).mean(0), rtol=3e-3)
 
 
-# Files that are none.
+# Invalid files.
 
 
 def write_tensors(path, arrays):
@@ -164,8 +164,8 @@ def test_value_of_a_white_file_is_ndf_over_four_sigma_and_the_cosine(tmp_path):
 
 
 WRONG = {
-    "no colours": (a_file(rgb=None), "no BSDF file: has no 'rgb', only jacobian"),
-    "a spectrum": (a_file(rgb=None, spectra=np.ones(3, "f4")), "a spectral .bsdf file: take the one"),
+    "no colours": (a_file(rgb=None), "not a BSDF file: it has no 'rgb', only jacobian"),
+    "a spectrum": (a_file(rgb=None, spectra=np.ones(3, "f4")), "a spectral .bsdf file; use the one"),
     "an anisotropic material": (a_file(phi_i=np.zeros(16, "f4")), "an anisotropic BSDF, of 16 azimuths"),
     "an axis too few": (a_file(vndf=np.ones((3, 8, 8), "f4")), "'vndf' has 3 axes, must have 4"),
     "other numbers of angles": (a_file(vndf=np.ones((1, 2, 8, 8), "f4")), r"'vndf' is \(1, 2, 8, 8\), must begin with"),
@@ -200,7 +200,7 @@ def test_a_file_cut_anywhere_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"\x89PNG\r\n\x1a\n" + bytes(64), "no tensor file: begins with"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(64), "not a tensor file: it begins with"),
         (b"tensor_file\0\x02\x00" + bytes(64), "tensor file of version 2.0, must be 1.0"),
         (b"tensor_file\0\x01\x00" + struct.pack("<I", 2**32 - 1) + bytes(64), "tensor file"),
         (b"tensor_file\0\x01\x00" + struct.pack("<IH1sHBQ", 1, 1, b"a", 0, 77, 0), "'a' is of type 77"),

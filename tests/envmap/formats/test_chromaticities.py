@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from glossbench.envmap.formats.chromaticities import REC_709, matrix_to_rec709, to_rec709
+from glossbench.envmap.formats.chromaticities import REC_709, build_matrix_to_rec709, to_rec709
 from glossbench.errors import InputError
 
 D65, D60 = (0.3127, 0.3290), (0.32168, 0.33767)
@@ -27,7 +27,7 @@ PUBLISHED = {
 def test_the_matrix_is_the_published_one(primaries):
     chromaticities, published = PUBLISHED[primaries]
 
-    matrix = matrix_to_rec709(chromaticities)
+    matrix = build_matrix_to_rec709(chromaticities)
 
     # Four decimals are published; those of IEC 61966-2-1 come of rounded ones, 4e-4 off.
     assert matrix == pytest.approx(np.array(published), abs=6e-4 if primaries == "CIE XYZ" else 1.5e-4)
@@ -35,7 +35,7 @@ def test_the_matrix_is_the_published_one(primaries):
 
 def test_without_the_adaptation_the_matrix_of_aces_is_another():
     """Twin of the above: AP0 with the white of Rec. 709 needs no adaptation."""
-    matrix = matrix_to_rec709((*AP0[:3], D65))
+    matrix = build_matrix_to_rec709((*AP0[:3], D65))
 
     assert np.abs(matrix - np.array(PUBLISHED["ACES AP0"][1])).max() > 0.01
 
@@ -71,6 +71,6 @@ def test_rec_709_itself_is_left_as_it_is(white):
         (((0.64, 0.33), (0.3, 0.6), (0.15, 1e300), (0.3, 0.3)), "must be four pairs"),
     ],
 )
-def test_chromaticities_that_are_none_are_one_clear_line(chromaticities, message):
+def test_invalid_chromaticities_are_one_clear_line(chromaticities, message):
     with pytest.raises(InputError, match=message):
         to_rec709(np.ones((1, 1, 3)), chromaticities)

@@ -139,10 +139,10 @@ def test_an_unknown_dxgi_format_is_refused_by_number(tmp_path):
 @pytest.mark.parametrize(
     ("at", "value", "message"),
     [
-        (12, 16384, "damaged.*its faces must be square, are 8x16384"),
+        (12, 16384, "damaged.*its faces must be square, but are 8x16384"),
         (16, 2**31, "at most 268435456 pixels"),
         (12, 0, "damaged.*at least 1x1"),
-        (4, 123, "damaged.*header sizes must be 124 and 32, are 123 and 32"),
+        (4, 123, "damaged.*header sizes must be 124 and 32, but are 123 and 32"),
     ],
 )
 def test_a_damaged_header_is_one_clear_line(tmp_path, at, value, message):

@@ -59,7 +59,7 @@ def accepted_cuts(path, data, reader):
     return accepted
 
 
-def test_an_exr_comes_back_bit_for_bit(tmp_path):
+def test_an_exr_is_read_as_it_was_written_bit_for_bit(tmp_path):
     image = an_image()
 
     write_exr(tmp_path / "a.exr", image)
@@ -69,7 +69,7 @@ def test_an_exr_comes_back_bit_for_bit(tmp_path):
     assert torch.equal(back, image)
 
 
-def test_an_hdr_comes_back_within_its_eight_bit_mantissa(tmp_path):
+def test_an_hdr_is_read_as_it_was_written_within_its_eight_bit_mantissa(tmp_path):
     image = an_image()
 
     back = read_image(write_hdr(tmp_path / "a.hdr", image))
@@ -87,7 +87,7 @@ def test_the_same_image_gives_the_same_bytes(tmp_path):
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
-def test_writing_replaces_the_file_and_leaves_nothing_beside_it(tmp_path):
+def test_writing_replaces_the_file_and_leaves_no_other_file(tmp_path):
     write_exr(tmp_path / "a.exr", torch.zeros(4, 4, 3))
 
     write_exr(tmp_path / "a.exr", torch.ones(4, 4, 3))
@@ -142,7 +142,7 @@ def test_half_floats_are_read_as_float32(tmp_path):
     assert torch.equal(read_image(tmp_path / "a.exr"), torch.from_numpy(half).float())
 
 
-def test_channels_beyond_rgb_are_dropped_whatever_their_order(tmp_path):
+def test_channels_beyond_rgb_are_dropped_in_any_order(tmp_path):
     image = an_image(channels=5)
 
     write_exr(tmp_path / "a.exr", image, channels=("A", "depth.Z", "B", "G", "R"))
@@ -254,7 +254,7 @@ def tiled_exr(path, image):
     return path
 
 
-def test_of_a_tiled_exr_with_mip_levels_the_finest_is_read(tmp_path):
+def test_the_finest_mip_level_of_a_tiled_exr_is_read(tmp_path):
     image = an_image(32, 64)
 
     back = read_image(tiled_exr(tmp_path / "a.exr", image))
@@ -457,7 +457,7 @@ def valued(path, *values):
     [
         ("a.hdr", lambda p: None, "no such file"),
         ("a.exr", lambda p: None, "no such file"),
-        ("a.exr", lambda p: p.mkdir(), "must be an image file, is a folder"),
+        ("a.exr", lambda p: p.mkdir(), "must be an image file, but is a folder"),
         ("a.hdr", lambda p: p.write_bytes(b""), r"is empty \(0 bytes\)"),
         ("a.gif", lambda p: p.write_bytes(b"x"), r"unknown extension '.gif'; known: .exr, .hdr, .pfm, .dds, .tif"),
         ("a.png", lambda p: p.write_bytes(b"x"), "is not a high-dynamic-range image; .* set ldr: true"),
@@ -566,7 +566,7 @@ def test_more_pixels_than_the_limit_are_refused_before_they_are_read(tmp_path, m
         (flat_hdr, {"layer": "sky"}, "only an OpenEXR image has layers, got layer 'sky'"),
     ],
 )
-def test_a_layer_that_is_not_there_is_one_clear_line(tmp_path, make, options, message):
+def test_a_missing_layer_is_one_clear_line(tmp_path, make, options, message):
     path = make(tmp_path / ("a.hdr" if make is flat_hdr else "a.exr"))
 
     with pytest.raises(InputError, match=message):

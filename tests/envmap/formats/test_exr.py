@@ -147,7 +147,7 @@ NO_RADIANCE = {
 
 
 @pytest.mark.parametrize("case", NO_RADIANCE)
-def test_channels_that_are_no_colour_are_refused_with_their_names(tmp_path, case):
+def test_channels_that_are_not_colours_are_refused_with_their_names(tmp_path, case):
     channels, message = NO_RADIANCE[case]
     path = write(tmp_path / "a.exr", planes(channels))
 
@@ -155,7 +155,7 @@ def test_channels_that_are_no_colour_are_refused_with_their_names(tmp_path, case
         read_image(path)
 
 
-def test_of_layers_without_a_combined_one_none_is_taken(tmp_path):
+def test_layers_without_a_combined_one_are_refused(tmp_path):
     two = write(tmp_path / "a.exr", planes(rgb("specular.") | rgb("diffuse.")))
     twice = write(tmp_path / "b.exr", planes(rgb("A.Combined.") | rgb("B.Combined.")))
 
@@ -166,7 +166,7 @@ def test_of_layers_without_a_combined_one_none_is_taken(tmp_path):
     assert colour_of(twice, "B.Combined") == (1, 2, 3)
 
 
-def test_what_was_chosen_is_said(tmp_path):
+def test_what_was_chosen_is_in_the_notes(tmp_path):
     notes = {
         name: read_file(write(tmp_path / "a.exr", planes(channels))).notes
         for name, channels in (("bare", rgb() | rgb("AO.")), ("combined", rgb("Combined.") | rgb("AO.")),
@@ -175,8 +175,8 @@ def test_what_was_chosen_is_said(tmp_path):
 
     assert notes == {
         "bare": (),
-        "combined": ("the layer Combined is read, of AO, Combined",),
-        "only": ("the layer sun is read, the only one of colour",),
+        "combined": ("the layer Combined is read, one of AO, Combined",),
+        "only": ("the layer sun is read, because only this one has colour",),
     }
 
 
@@ -197,11 +197,11 @@ def parts(path, *stated):
         ([("diffuse.right", "right", 5), ("beauty.right", "right", 1), ("beauty.left", "left", 5)], 1),
     ],
 )
-def test_of_several_parts_the_combined_one_of_the_first_view_is_read(tmp_path, stated, value):
+def test_the_combined_part_of_the_first_view_is_read(tmp_path, stated, value):
     assert colour_of(parts(tmp_path / "a.exr", *stated))[0] == value
 
 
-def test_of_parts_without_a_combined_one_none_is_taken(tmp_path):
+def test_parts_without_a_combined_one_are_refused(tmp_path):
     path = parts(tmp_path / "a.exr", ("specular", "", 5), ("diffuse", "", 1))
 
     with pytest.raises(InputError, match=r"several layers, .* name one by layer: specular, diffuse"):
@@ -209,12 +209,12 @@ def test_of_parts_without_a_combined_one_none_is_taken(tmp_path):
     assert colour_of(path, "diffuse") == (1, 1, 1)
 
 
-def test_of_the_views_of_a_stereo_image_the_first_is_read_and_this_is_said(tmp_path):
+def test_the_first_view_of_a_stereo_image_is_read_with_a_note(tmp_path):
     path = write(tmp_path / "a.exr", planes(rgb() | rgb("left.", (7, 8, 9))), multiView=["right", "left"])
 
     assert colour_of(path) == (1, 2, 3)
     assert colour_of(path, "left") == (7, 8, 9)
-    assert read_file(path).notes == ("the view right is read, of right, left",)
+    assert read_file(path).notes == ("the view right is read, one of right, left",)
 
 
 # Values
@@ -252,7 +252,7 @@ def test_a_half_float_that_overflowed_is_refused_by_its_pixel(tmp_path):
         read_image(write(tmp_path / "a.exr", channels))
 
 
-def test_colour_counts_as_stored_where_alpha_is_below_one_and_this_is_said(tmp_path):
+def test_colour_counts_as_stored_where_alpha_is_below_one_with_a_note(tmp_path):
     channels = planes(rgb() | {"A": 1})
     channels["A"][:2] = 0.5
 
@@ -264,7 +264,7 @@ def test_colour_counts_as_stored_where_alpha_is_below_one_and_this_is_said(tmp_p
 
 def test_the_shape_of_a_pixel_is_left_out_and_this_is_said(tmp_path):
     assert read_file(write(tmp_path / "a.exr", planes(rgb()), pixelAspectRatio=2.0)).notes == (
-        "its pixelAspectRatio of 2 is left out of account",
+        "its pixelAspectRatio of 2 is ignored",
     )
 
 
@@ -297,7 +297,7 @@ def test_a_negative_pixel_of_the_file_itself_is_not_hidden_by_the_conversion(tmp
         read_image(write(tmp_path / "a.exr", channels, chromaticities=REC_2020))
 
 
-def test_chromaticities_that_say_nothing_leave_the_colour_and_this_is_said(tmp_path):
+def test_impossible_chromaticities_leave_the_colour_with_a_note(tmp_path):
     decoded = read_file(write(tmp_path / "a.exr", planes(rgb()), chromaticities=(0.0,) * 8))
 
     assert (decoded.image == (1, 2, 3)).all()
@@ -319,7 +319,7 @@ def attribute(name, kind, value):
 
 
 def subsampled(path, steps):
-    """An image of 8 x 4 by hand: channels of ones, each with a pixel every so many columns and rows."""
+    """An image of 8 x 4 by hand: channels of ones, each with one pixel per given number of columns and rows."""
     steps = dict(sorted(steps.items()))
     channels = b"".join(name.encode() + b"\0" + struct.pack("<iB3xii", 2, 0, n, n) for name, n in steps.items())
     box = struct.pack("<4i", 0, 0, 7, 3)

@@ -49,9 +49,9 @@ def test_each_scanline_is_read_as_its_own_first_bytes_say(tmp_path, codings, end
 
 def test_the_check_of_mixed_scanlines_notices_a_reader_that_goes_by_the_first(tmp_path, monkeypatch):
     path = picture(tmp_path / "a.hdr", (flat, coded, coded))
-    flat_only = rgbe._records
+    flat_only = rgbe._decode_records
     monkeypatch.setattr(
-        rgbe, "_scanlines", lambda path, kind, data, h, w, _: flat_only(path, kind, data, 0, h * w, 1)[0]
+        rgbe, "_decode_scanlines", lambda path, kind, data, h, w, _: flat_only(path, kind, data, 0, h * w, 1)[0]
     )
 
     try:
@@ -78,11 +78,11 @@ def test_all_scan_orders_are_undone_in_either_coding(tmp_path, coding, order):
 @pytest.mark.parametrize(
     ("lines", "factor", "note"),
     [
-        ([b"EXPOSURE=0"], 1, "EXPOSURE=0 states nothing and counts as 1"),
-        ([b"EXPOSURE=0.0", b"EXPOSURE=4"], 1 / 4, "EXPOSURE=0 states"),
-        ([b"EXPOSURE="], 1, "EXPOSURE= states"),
-        ([b"GAMMA=0"], 1, "GAMMA=0 states"),
-        ([b"COLORCORR=0 0 0"], 1, "COLORCORR=0 0 0 states"),
+        ([b"EXPOSURE=0"], 1, "EXPOSURE=0 is not a factor and counts as 1"),
+        ([b"EXPOSURE=0.0", b"EXPOSURE=4"], 1 / 4, "EXPOSURE=0 is not a factor"),
+        ([b"EXPOSURE="], 1, "EXPOSURE= is not a factor"),
+        ([b"GAMMA=0"], 1, "GAMMA=0 is not a factor"),
+        ([b"COLORCORR=0 0 0"], 1, "COLORCORR=0 0 0 is not a factor"),
         ([b"EXPOSURE\t=\t4.0 "], 1 / 4, None),
         ([b" EXPOSURE = 2", b"exposure=2"], 1 / 4, None),
         ([b"#EXPOSURE=7", b"#", b"# EXPOSURE=7"], 1, None),
@@ -145,7 +145,7 @@ def test_a_colour_beyond_rec_709_is_cut_at_zero_and_counted(tmp_path):
     assert decoded.notes[0].endswith("; 24 pixels have colours beyond Rec. 709, their negative channels are 0")
 
 
-def test_primaries_that_are_no_triangle_leave_the_colour_and_this_is_said(tmp_path):
+def test_primaries_that_are_not_a_triangle_leave_the_colour_with_a_note(tmp_path):
     stated = b"PRIMARIES=" + b" 0.1" * 8
 
     decoded = read_file(picture(tmp_path / "a.hdr", lines=(*LINES[:2], stated, *LINES[2:])))
@@ -161,7 +161,7 @@ def test_primaries_that_are_no_triangle_leave_the_colour_and_this_is_said(tmp_pa
         (coded(RGBE[0]) + b"\2\2\0\7" + b"\x87\x80" * 8, "scanline 1 does not state its 8 pixels"),
         (coded(RGBE[0]) + b"\2\2\0\x08" + b"\x89\x80" * 12, "its runs make 9 of 8 pixels of scanline 1"),
         (coded(RGBE[0]) + b"\2\2\0\x08" + b"\0\0" * 12, "its runs make 0 of 8 pixels of scanline 1"),
-        (coded(RGBE[0]) + coded(RGBE[1]) + b"\1\1\1\1" * 8, "a repetition of nothing"),
+        (coded(RGBE[0]) + coded(RGBE[1]) + b"\1\1\1\1" * 8, "a repetition, before any pixel"),
         (coded(RGBE[0])[:-1], "its runs make 0 of 8 pixels of scanline 0"),
         (b"abc", "too few bytes for the 3 x 8 pixels that its header claims: 3"),
     ],

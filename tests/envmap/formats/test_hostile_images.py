@@ -185,14 +185,14 @@ def spoilt(name: str, sound: dict[str, bytes], value: float) -> bytes:
 
 @pytest.mark.parametrize("name", ["small.pfm", "small.dds"])
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf"), -1.0])
-def test_radiance_that_is_none_is_refused(sound, name, value):
+def test_invalid_radiance_is_refused(sound, name, value):
     rule = "not negative" if value == -1 else "finite"
 
     assert f"radiance must be {rule}, but 1 pixels are not" in refusal(name, spoilt(name, sound, value))
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0])
-def test_radiance_that_is_none_is_refused_in_an_exr(here, value):
+def test_invalid_radiance_is_refused_in_an_exr(here, value):
     planes = {name: np.ascontiguousarray(PIXELS[..., i]) for i, name in enumerate("RGB")}
     planes["G"][3, 2] = value
     OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, planes).write("a.exr")
@@ -207,14 +207,14 @@ def test_radiance_that_is_none_is_refused_in_an_exr(here, value):
     [
         (lambda name: None, "no such file"),
         (os.mkdir, "is a folder"),
-        (os.mkfifo, "is a device or pipe"),
+        (os.mkfifo, "is a device or a pipe"),
         (lambda name: os.symlink(name, name), ""),
-        (lambda name: os.symlink("/dev/zero", name), "is a device or pipe"),
+        (lambda name: os.symlink("/dev/zero", name), "is a device or a pipe"),
         (lambda name: os.symlink("gone", name), "no such file"),
     ],
     ids=["missing", "folder", "pipe", "loop of links", "device", "dangling link"],
 )
-def test_what_is_no_file_is_refused_at_once(here, suffix, make, words):
+def test_what_is_not_a_file_is_refused_at_once(here, suffix, make, words):
     make(f"a{suffix}")
 
     assert words in refusal(f"a{suffix}")

@@ -11,11 +11,11 @@ from PIL import Image, ImageCms
 
 from glossbench.envmap.formats.files import read_file, read_image
 from glossbench.errors import InputError
-from glossbench.srgb import decoded
+from glossbench.srgb import decode
 
 FLOATS = (np.random.default_rng(1).random((32, 64, 3)) * 90).astype(np.float32)
 BITS_16 = (np.arange(4 * 8 * 3).reshape(4, 8, 3) * 683).astype(np.uint16)
-SRGB_16 = decoded(BITS_16 / 65535)
+SRGB_16 = decode(BITS_16 / 65535)
 
 
 def tiff(path, image, **options):
@@ -71,7 +71,7 @@ def test_a_tiff_of_half_floats_one_channel_or_alpha_is_radiance_too(tmp_path):
     assert np.array_equal(read_image(tiff(tmp_path / "a.TIFF", alpha, extrasamples=["unassalpha"])), FLOATS)
 
 
-def test_of_several_pages_the_first_is_read_with_a_note(tmp_path):
+def test_the_first_of_several_pages_is_read_with_a_note(tmp_path):
     read = read_file(tiff(tmp_path / "a.tif", np.stack([FLOATS, FLOATS / 2])))
 
     assert np.array_equal(read.image, FLOATS)
@@ -102,7 +102,7 @@ def test_16_bits_are_decoded_from_srgb_and_none_is_lost(tmp_path, make):
 
 
 def test_the_check_of_16_bits_notices_a_reader_of_8():
-    assert decoded((BITS_16 >> 8) / 255) != pytest.approx(SRGB_16, rel=1e-2)
+    assert decode((BITS_16 >> 8) / 255) != pytest.approx(SRGB_16, rel=1e-2)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_an_interlaced_png_is_the_same_image(tmp_path):
 
     image = read_image(tmp_path / "a.png", ldr=True)[..., 0]
 
-    assert image.numpy() == pytest.approx(decoded(np.array([[10, 20], [30, 40]]) / 255), rel=1e-5)
+    assert image.numpy() == pytest.approx(decode(np.array([[10, 20], [30, 40]]) / 255), rel=1e-5)
 
 
 def logluv(path, photometric=32845, compression=34676, bits=16):

@@ -1,4 +1,4 @@
-"""Images as lights: shapes that are nearly right, sizes that are odd, and pixels that are no radiance."""
+"""Images as lights: shapes that are nearly right, sizes that are odd, and pixels that are not radiance."""
 
 import json
 from pathlib import Path
@@ -78,7 +78,7 @@ def test_odd_sizes_are_averaged_first_as_even_ones_are(monkeypatch, shape, proje
 def test_halving_an_odd_size_keeps_the_sum_of_each_pixel_by_its_share():
     image = torch.tensor([1.0, 2, 4, 8, 16])[None, None, :, None].expand(1, 2, -1, 3)
 
-    half = resampling.halved(image, torch.ones(2, 5))
+    half = resampling.halve_images(image, torch.ones(2, 5))
 
     # Bins of two and a half pixels.
     assert half[0, 0, :, 0].tolist() == pytest.approx([(1 + 2 + 4 / 2) / 2.5, (4 / 2 + 8 + 16) / 2.5])
@@ -108,7 +108,7 @@ BAD = (float("nan"), -1.0, float("inf"), 3e38, -float("inf"))
 @pytest.mark.parametrize(
     ("value", "rule"), [(3e38, "at most 1e\\+30"), (float("inf"), "finite"), (-0.5, "not negative")]
 )
-def test_a_pixel_that_is_no_radiance_names_its_file_its_place_and_the_option(tmp_path, value, rule):
+def test_a_pixel_that_is_not_radiance_names_its_file_its_place_and_the_option(tmp_path, value, rule):
     file = spoilt(tmp_path / "a.exr", 1, value, value)
     match = rf"a.exr: radiance must be {rule}, but 2 pixels are not, first at row 1, column 1: {value:.0g}"
 

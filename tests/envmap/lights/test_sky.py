@@ -142,7 +142,7 @@ def check_sun(radiance):
         rgb = radiance(elevation, turbidity).numpy()
 
         expected = np.linalg.solve(TO_XYZ, paper_s_sun(elevation, turbidity))
-        # Measured 0.8 %: the lobes that stand for the observer's table.
+        # Measured 0.8 %: the lobes that approximate the observer's table.
         np.testing.assert_allclose(rgb, expected, rtol=0.012)
 
 
@@ -246,7 +246,7 @@ def test_the_sun_s_energy_is_exact_at_every_resolution(resolution):
 
 def disc_of_radiance_one(elevation, azimuth, resolution=64):
     faces = torch.zeros(6, resolution, resolution, 3)
-    module._add_sun(faces, module._sun_disc(elevation, azimuth), torch.ones(3))
+    module._add_sun(faces, module._place_sun_disc(elevation, azimuth), torch.ones(3))
     return faces.double()
 
 
@@ -263,7 +263,7 @@ def test_the_sun_s_energy_is_exact_in_the_finest_light():
     check_energy(faces, torch.ones(3))
 
 
-def test_of_a_sun_that_sets_the_upper_half_is_left():
+def test_the_upper_half_of_a_setting_sun_is_visible():
     faces = disc_of_radiance_one(0, 20)
 
     assert faces[[0, 1, 4, 5], 32:].max().item() == 0
@@ -293,7 +293,7 @@ def test_irradiance_of_the_disc_is_that_of_a_cap(resolution):
     assert (1 - cos(rim)) > 1 - (facing / (pi * radiance * sin(SUN_RADIUS) ** 2)).min().item() > -1e-5
 
 
-def test_the_sun_stands_at_its_elevation_and_azimuth():
+def test_the_sun_is_at_its_elevation_and_azimuth():
     check_place(*sun_alone(elevation=25, azimuth=-70, resolution=256), toward(25, -70))
 
 
@@ -317,7 +317,7 @@ def test_the_sky_is_a_mirror_image_of_itself_about_the_sun():
 
     mirrored = faces[[1, 0, 2, 3, 4, 5]].flip(2)
 
-    # Measured 0, but for the texels of the sun, whose spiral is no mirror image.
+    # Measured 0, except at the texels of the sun, whose spiral is not its mirror image.
     dim = faces.amax(-1) < 100
     assert (~dim).sum().item() <= 4
     torch.testing.assert_close(faces[dim], mirrored[dim], rtol=1e-6, atol=0)

@@ -1,4 +1,4 @@
-"""The studio: each box against the closed forms of a rectangle, and where it stands."""
+"""The studio: each box against the closed forms of a rectangle, and its place."""
 
 from math import atan, cos, pi, radians, sin, sqrt
 
@@ -132,7 +132,7 @@ def check_corners(light, box):
 
 
 @pytest.mark.parametrize("name", BOXES)
-def test_a_box_stands_where_the_table_says(name):
+def test_a_box_is_where_the_table_says(name):
     check_corners(alone(name, resolution=512), BOXES[name])
 
 
@@ -174,8 +174,8 @@ def test_the_mean_of_the_room_is_its_radiance():
 
 
 def test_a_seed_varies_the_boxes_within_what_is_documented():
-    table = LIGHTS.create("studio", {}).boxes()
-    seeds = [LIGHTS.create("studio", {"seed": seed}).boxes() for seed in range(200)]
+    table = LIGHTS.create("studio", {}).place_boxes()
+    seeds = [LIGHTS.create("studio", {"seed": seed}).place_boxes() for seed in range(200)]
 
     turned = np.array([[b.azimuth - t.azimuth for b, t in zip(boxes, table, strict=True)] for boxes in seeds])
     raised = np.array([[b.elevation - t.elevation for b, t in zip(boxes, table, strict=True)] for boxes in seeds])
@@ -204,7 +204,7 @@ def test_the_same_seed_gives_the_same_bytes():
 def test_a_varied_hard_box_still_holds_its_energy(seed):
     lamp = LIGHTS.create("studio", {**DARK, "fill_light": 1, "seed": seed})
 
-    check_energy(lamp.cubemap(), tuple(lamp.boxes()[1]), 2e-4)
+    check_energy(lamp.cubemap(), tuple(lamp.place_boxes()[1]), 2e-4)
 
 
 def test_a_strip_narrower_than_a_texel_keeps_its_energy():

@@ -11,7 +11,7 @@ from glossbench.envmap.cubemap import texel_directions
 from glossbench.envmap.formats.files import write_exr
 from glossbench.envmap.lights.file_light import FileLight
 from glossbench.envmap.lights.light import LIGHTS
-from glossbench.envmap.projections.axes import _CONVENTIONS, permutation, turned
+from glossbench.envmap.projections.axes import _CONVENTIONS, permutation, turn_faces
 from glossbench.envmap.projections.conversion import from_cubemap, to_cubemap
 from glossbench.errors import InputError
 
@@ -19,7 +19,7 @@ SIZE = 24  # texels along the edge of a cube that resolves as much as the images
 COLOURS = np.array([[1, 0, 0], [0, 1, 1], [0, 1, 0], [1, 0, 1], [0, 0, 1], [1, 1, 0]])
 
 
-# What each program does with a direction of its own world: the place (u, v) in its image, v downward.
+# What each program does with a direction of its world: the place (u, v) in its image, v downward.
 
 
 def mitsuba(x, y, z):
@@ -169,13 +169,13 @@ def test_texels_are_moved_whole():
     light = LIGHTS.create("spots", {"resolution": 16}).cubemap()
     matrix = permutation("pbrt", "octahedral_equal_area")
 
-    there = turned(light.faces, matrix)
+    there = turn_faces(light.faces, matrix)
 
     d = Vec3(*(c.flatten() for c in texel_directions(16)))
     moved = torch.stack(d, dim=1) @ matrix.T
     nearest = (moved @ torch.stack(d)).argmax(1)
     assert torch.equal(there.reshape(-1, 3), light.faces.reshape(-1, 3)[nearest])
-    assert torch.equal(turned(there, matrix.T), light.faces)
+    assert torch.equal(turn_faces(there, matrix.T), light.faces)
 
 
 def test_the_mitsuba_convention_is_that_of_its_envmap_emitter():
@@ -197,7 +197,7 @@ def test_the_mitsuba_convention_is_that_of_its_envmap_emitter():
 
     difference, mirrored = (
         abs(light_faces[face, row, column].numpy() - np.array(theirs)).max()
-        for light_faces in (light.faces, turned(light.faces, torch.diag(torch.tensor([-1.0, 1, 1]))))
+        for light_faces in (light.faces, turn_faces(light.faces, torch.diag(torch.tensor([-1.0, 1, 1]))))
     )
     # Measured 0.013 = pi / 2 / 128 and a little: half a row at the poles, and a texel is a mean.
     assert difference < 0.02
@@ -207,12 +207,12 @@ def test_the_mitsuba_convention_is_that_of_its_envmap_emitter():
 @pytest.mark.parametrize(
     ("axes", "projection", "message"),
     [
-        ("opengl", "lat_long", "axes 'opengl' say nothing of the projection lat_long, only of vertical_cross"),
-        ("mitsuba", "strip", "axes 'mitsuba' say nothing of the projection strip, only of lat_long"),
+        ("opengl", "lat_long", "axes 'opengl' do not apply to the projection lat_long, only to vertical_cross"),
+        ("mitsuba", "strip", "axes 'mitsuba' do not apply to the projection strip, only to lat_long"),
         ("bender", "lat_long", "unknown axes 'bender'; did you mean 'blender'"),
     ],
 )
-def test_axes_that_say_nothing_are_one_clear_line(axes, projection, message):
+def test_axes_that_do_not_apply_are_one_clear_line(axes, projection, message):
     shape = (6, 36, 3) if projection == "strip" else (8, 16, 3)
 
     with pytest.raises(InputError, match=message):

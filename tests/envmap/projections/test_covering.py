@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from glossbench.envmap.cubemap import CubeMap, texel_directions
-from glossbench.envmap.formats.decoded import Covering
 from glossbench.envmap.formats.files import read_file, write_exr
+from glossbench.envmap.formats.image_content import Covering
 from glossbench.envmap.lights.file_light import FileLight
 from glossbench.envmap.projections.axes import _CONVENTIONS
 from glossbench.envmap.projections.conversion import from_cubemap, to_cubemap
@@ -105,20 +105,20 @@ def test_a_cube_of_one_pixel_a_face_is_six_colours(tmp_path):
 @pytest.mark.parametrize(
     ("shape", "envmap", "said"), [((8, 16, 3), CUBE, "openexr_cube"), ((8, 8, 3), LAT_LONG, "lat_long")]
 )
-def test_an_attribute_that_does_not_fit_the_picture_is_left_out_and_this_is_said(tmp_path, shape, envmap, said):
+def test_an_attribute_that_does_not_fit_the_picture_is_ignored_with_a_note(tmp_path, shape, envmap, said):
     light = FileLight(file=write(tmp_path / "a.exr", np.ones(shape, np.float32), envmap=envmap))
 
     assert light.facts().projection == ("lat_long" if shape[1] == 16 else "angular")
     assert light.notes() == (
-        f"a.exr: its attribute envmap says {said}, which {shape[1]} x {shape[0]} pixels are not: left out",
+        f"a.exr: its attribute envmap says {said}, which does not fit {shape[1]} x {shape[0]} pixels: ignored",
     )
 
 
-def test_a_stated_projection_wins_over_the_attribute_and_this_is_said(tmp_path):
+def test_a_stated_projection_wins_over_the_attribute_with_a_note(tmp_path):
     light = FileLight(file=write(tmp_path / "a.exr", cube_by_the_manual(8), envmap=CUBE), projection="strip")
 
     assert light.facts().projection == "strip"
-    assert light.notes() == ("a.exr: its attribute envmap says openexr_cube, read as strip as is stated",)
+    assert light.notes() == ("a.exr: its attribute envmap says openexr_cube, but it is read as strip, as stated",)
 
 
 def test_the_attribute_follows_the_part_that_is_read(tmp_path):
@@ -190,7 +190,7 @@ def test_stated_axes_win_over_those_of_the_file_and_this_is_said(tmp_path, marke
 
     assert light.facts().axes == "blender"
     assert light.notes() == (
-        "a.exr: its attribute glossbench:projection says axes pbrt, read by axes blender as is stated",
+        "a.exr: its attribute glossbench:projection says axes pbrt, but it is read with axes blender, as stated",
     )
 
 
@@ -202,11 +202,12 @@ def test_what_a_file_cannot_mean_is_left_out_and_this_is_said(tmp_path, covers):
 
     assert light.facts().projection == "lat_long"
     assert light.notes() == (
-        f"a.exr: its attribute glossbench:projection says {covers.projection}, which 16 x 8 pixels are not: left out",
+        f"a.exr: its attribute glossbench:projection says {covers.projection}, which does not fit 16 x 8 pixels: "
+        "ignored",
     )
 
 
-def test_axes_that_a_file_says_and_nobody_knows_are_one_clear_line(tmp_path):
+def test_unknown_axes_of_a_file_are_one_clear_line(tmp_path):
     write_exr(tmp_path / "a.exr", torch.ones(8, 16, 3), covers=Covering("lat_long", "north"))
 
     with pytest.raises(InputError, match="unknown axes 'north'"):
@@ -214,5 +215,5 @@ def test_axes_that_a_file_says_and_nobody_knows_are_one_clear_line(tmp_path):
 
 
 def test_openexrs_cube_is_read_and_not_written(marked):
-    with pytest.raises(InputError, match="openexr_cube is read, not written; write one of lat_long, "):
+    with pytest.raises(InputError, match="openexr_cube can be read but not written; write one of lat_long, "):
         from_cubemap(marked, "openexr_cube")

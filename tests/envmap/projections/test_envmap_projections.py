@@ -9,7 +9,7 @@ import yaml
 from glossbench.directions import Vec3, vec3
 from glossbench.envmap.cubemap import CubeMap, texel_directions
 from glossbench.envmap.formats.files import read_image, write_exr
-from glossbench.envmap.lights.facts import facts
+from glossbench.envmap.lights.facts import collect_facts
 from glossbench.envmap.lights.file_light import FileLight
 from glossbench.envmap.lights.light import LIGHTS
 from glossbench.envmap.projections import layouts
@@ -309,7 +309,7 @@ def test_there_and_back_the_energy_stays(projection, resolution, name):
         assert torch.equal(back.faces, light.faces)
 
 
-def test_the_energy_check_notices_pixels_that_count_alike():
+def test_the_energy_check_notices_pixels_of_equal_weight():
     light = LIGHTS.create("texel", {"resolution": 32, "face": 2}).cubemap()
     image = from_cubemap(light, "lat_long")
 
@@ -440,7 +440,7 @@ BRIGHTEST = {"probulator_grace.hdr": 0.04, "dancing_hall_1k.hdr": 0.03}
 
 def test_real_lights_have_the_peak_and_the_concentration_of_the_manifest(real_lights):
     for name, (entry, image, light) in real_lights.items():
-        known = facts(light, None, image)
+        known = collect_facts(light, None, image)
 
         # The manifest has four digits, and three decimals of the share.
         assert known.image_peak == pytest.approx(entry["max_luminance"], rel=1e-3), name
@@ -471,7 +471,7 @@ def test_the_lat_long_of_grace_is_its_cross_flipped_and_scaled(real_lights):
 # Shapes and errors
 
 
-def test_the_shape_tells_the_projection():
+def test_the_shape_determines_the_projection():
     guesses = [guess_projection(h, w) for h, w in ((64, 128), (90, 90), (1024, 768), (768, 1024), (5, 30))]
 
     assert guesses == list(GUESSED)
@@ -497,7 +497,7 @@ def test_the_shape_tells_the_projection():
         ((8, 16, 3), {"resolution": 0}, "power of two of at least 2, got 0"),
     ],
 )
-def test_what_is_no_light_is_one_clear_line(shape, options, message):
+def test_what_is_not_a_light_is_one_clear_line(shape, options, message):
     with pytest.raises(InputError, match=message) as raised:
         to_cubemap(torch.ones(*shape), **options)
 
@@ -519,7 +519,7 @@ def test_an_image_that_cannot_be_drawn_is_one_clear_line():
 def test_the_facts_of_a_gradient_are_its_closed_form():
     light = LIGHTS.create("gradient", {"radiance": 3.0, "resolution": 64}).cubemap()
 
-    known = facts(light)
+    known = collect_facts(light)
 
     # L = 3 (1 + d_c) / 2: mean 3 / 2, E = 3 pi / 2 (1 + 2 n_c / 3). Luminance 3 (1 + w . d) / 2, |w| = 0.7496: over the
     # sphere it is uniform between 3 (1 - |w|) / 2 and 3 (1 + |w|) / 2.
@@ -538,9 +538,13 @@ def test_the_facts_of_a_gradient_are_its_closed_form():
 def test_all_the_light_of_one_texel_is_in_the_brightest_part():
     lit, black = (LIGHTS.create("texel", {"resolution": 64, "radiance": r}).cubemap() for r in (1000.0, 0.0))
 
-    assert facts(lit).brightest_share == pytest.approx(1)
-    assert facts(lit).dynamic_range == pytest.approx(1)
-    assert (facts(black).peak, facts(black).dynamic_range, facts(black).brightest_share) == (0, 1, 0)
+    assert collect_facts(lit).brightest_share == pytest.approx(1)
+    assert collect_facts(lit).dynamic_range == pytest.approx(1)
+    assert (collect_facts(black).peak, collect_facts(black).dynamic_range, collect_facts(black).brightest_share) == (
+        0,
+        1,
+        0,
+    )
 
 
 def test_a_file_light_says_how_it_was_understood(tmp_path):

@@ -8,11 +8,11 @@ from glossbench.envmap.cubemap import texel_solid_angles
 from glossbench.envmap.projections.layouts import LAYOUTS
 from glossbench.envmap.projections.resampling import (
     bilinear,
-    cube_source,
-    edge_source,
-    halved,
-    layout_source,
-    resized,
+    halve_images,
+    make_cube_source,
+    make_edge_source,
+    make_layout_source,
+    resize,
     to_faces,
     to_layout,
 )
@@ -53,7 +53,7 @@ def halved_by_hand(image, weight, rows, columns):
 def test_a_halved_image_is_the_weighted_mean_of_the_pixels_of_each_bin(height, width, rows, columns):
     images, weight = random_image(2, height, width), torch.tensor(RNG.uniform(0.5, 2, (height, width)))
 
-    small = halved(images, weight)
+    small = halve_images(images, weight)
 
     assert small.shape == (2, rows, columns, 3)
     for image, found in zip(images.double().numpy(), small, strict=True):
@@ -65,14 +65,14 @@ def test_a_halved_image_is_the_weighted_mean_of_the_pixels_of_each_bin(height, w
 def test_that_check_notices_weights_that_are_left_out():
     images, weight = random_image(1, 5, 5), torch.tensor(RNG.uniform(0.5, 2, (5, 5)))
 
-    small = halved(images, torch.ones(5, 5))
+    small = halve_images(images, torch.ones(5, 5))
 
     with pytest.raises(AssertionError):
         np.testing.assert_allclose(small[0], halved_by_hand(images[0].numpy(), weight.numpy(), 2, 2), rtol=2e-6)
 
 
 def test_pixels_without_weight_give_black_and_no_nan():
-    assert (halved(random_image(1, 4, 4), torch.zeros(4, 4)) == 0).all()
+    assert (halve_images(random_image(1, 4, 4), torch.zeros(4, 4)) == 0).all()
 
 
 # Places.
@@ -83,7 +83,7 @@ def at(image, column, row):
     return bilinear(image[None], *place)[0, 0, 0]
 
 
-def test_at_the_centre_of_a_pixel_stands_its_value_and_between_two_their_mean():
+def test_the_centre_of_a_pixel_has_its_value_and_the_middle_between_two_their_mean():
     image = random_image(3, 4)
 
     torch.testing.assert_close(at(image, 2.5, 1.5), image[1, 2])
@@ -91,7 +91,7 @@ def test_at_the_centre_of_a_pixel_stands_its_value_and_between_two_their_mean():
     torch.testing.assert_close(at(image, 2.5, 1.25), 0.75 * image[1, 2] + 0.25 * image[0, 2])
 
 
-def test_beyond_the_outer_centres_the_edge_goes_on():
+def test_beyond_the_outer_centres_the_edge_continues():
     image = random_image(3, 4)
 
     torch.testing.assert_close(at(image, 0.1, 1.5), image[1, 0])
@@ -109,7 +109,7 @@ def test_a_cube_has_its_texels_at_their_centres():
     points = face_points(centres(4), centres(4))
     points = points / np.linalg.norm(points, axis=-1, keepdims=True)
 
-    found = values_at(*cube_source(faces), points)
+    found = values_at(*make_cube_source(faces), points)
 
     # Float32 places, measured: 1e-5.
     torch.testing.assert_close(found, faces, rtol=5e-5, atol=0)
@@ -121,7 +121,7 @@ def test_a_cube_whose_outer_samples_lie_on_its_edges_has_them_there():
     points = face_points(inside, inside)
     points = points / np.linalg.norm(points, axis=-1, keepdims=True)
 
-    found = values_at(*edge_source(faces.reshape(30, 5, 3)), points)
+    found = values_at(*make_edge_source(faces.reshape(30, 5, 3)), points)
 
     torch.testing.assert_close(found, faces[:, 1:-1, 1:-1], rtol=5e-5, atol=0)
 
@@ -136,7 +136,7 @@ def test_texels_of_a_resampled_cube_are_means_of_the_interpolant_by_solid_angle(
     total = (radiance * solid_angle[:, None]).reshape(*blocks, 3).sum((2, 4))
     expected = total / solid_angle.reshape(blocks).sum((2, 4))[..., None]
 
-    found = to_faces(*cube_source(faces), 6, 4)
+    found = to_faces(*make_cube_source(faces), 6, 4)
 
     # 9 directions along a texel against 24: measured 8e-4 of a mean of 1; 0.08 where means are not by solid angle.
     np.testing.assert_allclose(found.numpy(), expected, atol=2e-3)
@@ -148,7 +148,7 @@ def test_that_check_notices_means_that_are_not_by_solid_angle():
 
     plain = radiance.reshape(6, 4, 24, 4, 24, 3).mean((2, 4))
 
-    assert np.abs(to_faces(*cube_source(faces), 6, 4).numpy() - plain).max() > 4e-2
+    assert np.abs(to_faces(*make_cube_source(faces), 6, 4).numpy() - plain).max() > 4e-2
 
 
 @pytest.mark.parametrize("resolution", [8, 4, 2])
@@ -157,16 +157,16 @@ def test_a_cube_a_power_of_two_smaller_is_halved_by_solid_angle(resolution):
 
     expected, size = faces, 8
     while size > resolution:
-        expected, size = halved(expected, texel_solid_angles(size)), size // 2
+        expected, size = halve_images(expected, texel_solid_angles(size)), size // 2
 
-    assert (resized(faces, resolution) == expected).all()
+    assert (resize(faces, resolution) == expected).all()
 
 
 @pytest.mark.parametrize("resolution", [3, 5, 12])
 def test_at_any_resolution_the_light_of_all_directions_together_is_kept(resolution):
     faces = random_image(6, 8, 8)
 
-    small = resized(faces, resolution)
+    small = resize(faces, resolution)
 
     before, after = ((f * texel_solid_angles(f.shape[1]).float()[..., None]).sum((0, 1, 2)) for f in (faces, small))
     assert small.shape == (6, resolution, resolution, 3)
@@ -178,7 +178,7 @@ def test_at_any_resolution_the_light_of_all_directions_together_is_kept(resoluti
 def test_an_image_of_a_constant_light_is_constant_where_it_shows_directions_and_black_elsewhere(name):
     layout = LAYOUTS[name]
 
-    image = to_layout(*cube_source(torch.full((6, 4, 4, 3), 2.5)), 4, layout, 8)
+    image = to_layout(*make_cube_source(torch.full((6, 4, 4, 3), 2.5)), 4, layout, 8)
 
     assert image.shape == (8 * layout.rows, 8 * layout.columns, 3)
     lit = image[..., 0] > 0
@@ -193,8 +193,8 @@ def test_a_light_comes_back_from_every_layout(name):
     smooth = torch.tensor(face_points(centres(8), centres(8)), dtype=torch.float32)
     faces = 2 + smooth / smooth.norm(dim=-1, keepdim=True)  # 2 + d: linear in the direction
 
-    image = to_layout(*cube_source(faces), 8, LAYOUTS[name], 16)
-    back = to_faces(*layout_source(image, LAYOUTS[name]), 16, 8)
+    image = to_layout(*make_cube_source(faces), 8, LAYOUTS[name], 16)
+    back = to_faces(*make_layout_source(image, LAYOUTS[name]), 16, 8)
 
     # Measured by layout: 0.015 to 0.021.
     torch.testing.assert_close(back, faces, rtol=0, atol=0.04)

@@ -12,7 +12,7 @@ import trimesh
 from glossbench.errors import InputError
 from glossbench.scene import mesh_files
 from glossbench.scene.mesh import make_mesh
-from glossbench.scene.mesh_files import load_mesh, meaning_of, mesh_named
+from glossbench.scene.mesh_files import identify_mesh, load_mesh, make_named_mesh
 
 CORNERS = np.array([[0.0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 3]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -253,11 +253,11 @@ def test_ply_normals_are_kept():
         (ply(faces=[[0, 1, 4]]), "a.ply has 4 vertices, but face 0 has vertex 4, from 0"),
         (
             ply().replace(b"3 0 2 1", b"3 0 nan 1"),
-            "a.ply: PLY file whose face names vertex nan, which is no whole number",
+            "a.ply: PLY file whose face names vertex nan, which is not a whole number",
         ),
         (
             ply().replace(b"3 0 2 1", b"3 0 1.5 1"),
-            "a.ply: PLY file whose face names vertex 1.5, which is no whole number",
+            "a.ply: PLY file whose face names vertex 1.5, which is not a whole number",
         ),
         (ply().replace(b"3 0 2 1", b"nan 0 2 1"), "a.ply: PLY file truncated or damaged"),
     ],
@@ -346,7 +346,7 @@ def test_gltf_strips_joined_by_doubled_vertices_have_no_seam():
     assert_same(joined, make_mesh(CORNERS, [[0, 1, 3], [0, 3, 2]]))
 
 
-def test_gltf_sparse_numbers_take_the_place_of_others():
+def test_gltf_sparse_numbers_replace_others():
     file = tetrahedron()
     places, values = (
         file.view(np.array([3, 1], "u2").tobytes()),
@@ -521,7 +521,7 @@ WRONG = {
     ),
     "a claim of numbers": (
         changed(lambda tree: (tree["accessors"][0].update(count=1 << 40), tree["accessors"][0].pop("bufferView"))),
-        "1099511627776 items of nothing, more than 134217728",
+        "1099511627776 items without data, more than 134217728",
     ),
     "no position": (
         changed(lambda tree: tree["meshes"][0]["primitives"][0].update(attributes={})),
@@ -550,7 +550,7 @@ def test_gltf_with_a_compression_that_has_a_way_around_it_is_read():
     assert_same(loaded("a.gltf", content), TETRAHEDRON)
 
 
-def test_gltf_buffer_beside_it_may_have_blanks_in_its_name():
+def test_gltf_buffer_in_another_file_may_have_blanks_in_its_name():
     file = tetrahedron()
     Path("my file.bin").write_bytes(file.data)
 
@@ -580,19 +580,19 @@ def test_stl_text_and_binary_are_the_same_mesh():
     assert refusal("a.stl", f"solid a\n{facets}") == "a.stl: STL file truncated: it ends without 'endsolid'"
 
 
-# What a name stands for.
+# The meaning of a name.
 
 
 def test_the_meaning_of_a_gltf_file_is_that_of_its_buffers_too():
     file = tetrahedron()
     Path("a.gltf").write_text(file.text("a.bin"))
     Path("a.bin").write_bytes(file.data)
-    before, mesh = meaning_of("a.gltf"), mesh_named("a.gltf")
+    before, mesh = identify_mesh("a.gltf"), make_named_mesh("a.gltf")
 
     Path("a.bin").write_bytes(file.data[:-24] + np.array(FACES[:, ::-1], "u2").tobytes())
 
-    assert meaning_of("a.gltf") != before
-    assert mesh_named("a.gltf") != mesh
+    assert identify_mesh("a.gltf") != before
+    assert make_named_mesh("a.gltf") != mesh
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "glb", "gltf", "stl"])
@@ -602,8 +602,10 @@ def test_a_huge_file_is_refused_by_its_size_before_it_is_read(monkeypatch, suffi
         file.truncate(3 << 30)
     monkeypatch.setattr(Path, "read_bytes", lambda path: pytest.fail("it was read"))
 
-    for read in (load_mesh, meaning_of, mesh_named):
-        with pytest.raises(InputError, match=rf"^a\.{suffix}: 3221225472 bytes, more than the 1073741824 of any mesh"):
+    for read in (load_mesh, identify_mesh, make_named_mesh):
+        with pytest.raises(
+            InputError, match=rf"^a\.{suffix}: a mesh.* must have at most 1073741824 bytes, got 3221225472"
+        ):
             read(f"a.{suffix}")
 
 
@@ -612,5 +614,5 @@ def test_a_mesh_file_is_looked_for_below_the_folder_of_data(tmp_path, monkeypatc
     (tmp_path / "data" / "meshes" / "a.obj").write_text(V + F)
     monkeypatch.setenv("GLOSSBENCH_DATA", str(tmp_path / "data"))
 
-    assert mesh_named("a.obj") == TETRAHEDRON
-    assert mesh_files.meaning_of("a.obj") == meaning_of(str(tmp_path / "data" / "meshes" / "a.obj"))
+    assert make_named_mesh("a.obj") == TETRAHEDRON
+    assert mesh_files.identify_mesh("a.obj") == identify_mesh(str(tmp_path / "data" / "meshes" / "a.obj"))

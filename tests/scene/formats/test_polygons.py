@@ -110,7 +110,7 @@ def test_each_point_lies_in_one_triangle_if_inside_and_in_none_if_outside(corner
 
 
 def test_a_fan_would_be_noticed(monkeypatch):
-    monkeypatch.setattr(polygons, "_fans", lambda points: np.ones(len(points), bool))
+    monkeypatch.setattr(polygons, "_mark_fans", lambda points: np.ones(len(points), bool))
 
     triangles = cut(np.c_[np.array(ARROW, float), np.zeros(5)])
 
@@ -161,7 +161,7 @@ def test_a_polygon_that_cuts_itself_ends_in_triangles():
 def test_a_concave_polygon_of_very_many_corners_is_refused(monkeypatch):
     monkeypatch.setattr(polygons, "MAX_CONCAVE_CORNERS", 4)
 
-    with pytest.raises(InputError, match=r"^x: face 0 has 5 corners and is no fan; cut it into triangles$"):
+    with pytest.raises(InputError, match=r"^x: face 0 has 5 corners and is not a fan; cut it into triangles$"):
         cut(np.c_[np.array(ARROW, float), np.zeros(5)])
 
 

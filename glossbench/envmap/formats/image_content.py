@@ -20,7 +20,7 @@ class Covering(NamedTuple):
     note: str = ""
 
 
-class Decoded(NamedTuple):
+class ImageContent(NamedTuple):
     """The content of an image file.
 
     Attributes:

@@ -10,13 +10,13 @@ from glossbench.errors import InputError
 @contextmanager
 def unchanged(path: Path) -> Iterator[None]:
     """Raise InputError if the file is replaced or written to during the block."""
-    before = _identity(path)
+    before = _read_identity(path)
     yield
-    if _identity(path) != before:
+    if _read_identity(path) != before:
         raise InputError(f"{path}: was changed while it was read; run it again")
 
 
-def _identity(path: Path) -> tuple[int, ...]:
+def _read_identity(path: Path) -> tuple[int, ...]:
     try:
         stat = path.stat()
     except OSError:  # the function that reads the file reports this error
