@@ -134,7 +134,7 @@ def _measure_noise(means: Tensor) -> float:
 def predict_samples(
     points: ShadingPoints, tables: Tables, relative_error: float, max_samples: int, seed: int
 ) -> tuple[float, float]:
-    """The relative noise and the samples per pixel at which `sample_points` will end, from a first round at a few points."""
+    """Relative noise and samples per pixel at which `sample_points` will end, from a first round at a few points."""
     first = N_REPLICATES * FIRST_SAMPLES
     some = points.map(lambda c: c[:: max(1, len(points) // PILOT)])
     kept = Checkpoint(None)

@@ -104,13 +104,17 @@ def _linear(*arguments, right=block_sums._expand):
     return g
 
 
+def _all_but_one(n_points, device, right=summation._pair_all_blocks):
+    pairs = right(n_points, device)
+    return pairs.where(pairs.block(1) != 17)
+
+
 FAULTS = {
     "a power of the Jacobian": (block_sums, "_compute_jacobian", lambda inverse: inverse**2),
-    "a block left out": (summation, "_pair_all_blocks", lambda n, d, right=summation._pair_all_blocks: right(n, d).where(
-        right(n, d).block(1) != 17)),
+    "a block left out": (summation, "_pair_all_blocks", _all_but_one),
     "an order too low": (block_sums, "_expand", _linear),
     "a seam between faces": (blocks, "add_border", _replicated),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("fault", FAULTS)
