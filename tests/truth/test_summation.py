@@ -14,6 +14,7 @@ from glossbench.brdf.material import MATERIALS as MODELS
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Constant, SingleTexel
 from glossbench.errors import InputError
+from glossbench.scene.points import Occluder
 from glossbench.scene.sphere import Sphere
 from glossbench.truth import block_sums, blocks, checkpoint, summation
 from glossbench.truth.blocks import build_light_blocks
@@ -279,6 +280,20 @@ def test_a_sum_stops_at_the_largest_number_of_samples():
 def test_an_unknown_method_is_refused():
     with pytest.raises(InputError, match=r"reference\.method must be one of auto, summation, sampling, got 'exact'"):
         compute_reference(lights()["rough"], Kurt(), VIEW, method="exact")
+
+
+class Hiding(Grazing):
+    """A view whose points hide light from each other."""
+
+    name = "hiding"
+
+    def scene(self):
+        return Occluder()
+
+
+def test_a_view_that_hides_light_cannot_be_summed():
+    with pytest.raises(InputError, match="summation needs a view that hides no light from its points, not hiding"):
+        compute_reference(lights()["rough"], Kurt(), Hiding(), method="summation")
 
 
 class Killed(Exception):
