@@ -129,6 +129,7 @@ class CellRecord:
     reference_target: Annotated[float, describe_column("reference", "target for the noise", unit="radiance")] = NAN
     reference_mean: Annotated[float, describe_column("reference", "mean of the reference", unit="radiance")] = NAN
     reference_samples: Annotated[int, describe_column("reference", "samples per pixel of the reference")] = 0
+    reference_method: Annotated[str, describe_column("reference", "how the reference was computed")] = ""
     at_noise_floor: Annotated[bool, describe_column("reference", "RMS error below twice the reference's noise")] = False
     is_random: Annotated[bool, describe_column("method", "its points are random")] = False
     n_samples: Annotated[int, describe_column("count", "light samples per pixel", short="samples")] = 0

@@ -32,6 +32,7 @@ from glossbench.shading.kernels import kernel, over_points
 from glossbench.shading.kernels.backend import always, choosing, never
 from glossbench.shading.kernels.build import has_compiler
 from glossbench.shading.method import METHODS, order_stages
+from glossbench.truth.reference import ReferenceMethod, compute_reference
 
 SAMPLES, CUBE, VIEW, REGIONS = 32, 256, 128, 64
 
@@ -53,6 +54,8 @@ def measure(tell: Callable[[str], None]) -> list[Line]:
     lines += _measure_methods()
     tell("sampling the lighting function")
     lines += _measure_lighting()
+    tell("reference")
+    lines += _measure_references()
     tell("pyramids of a 1024 cube")
     lines += _measure_pyramid(1024)
     tell(f"{REGIONS} partial maps of a {CUBE} cube, and their shadow maps")
@@ -141,6 +144,19 @@ def _measure_lighting() -> list[Line]:
         lines.append(
             Line(f"{what}: one normal for 24, compiled", f"{compiled:.1f} M terms/s", f"{compiled / plain:.1f}")
         )
+    return lines
+
+
+def _measure_references() -> list[Line]:
+    """The reference by sampling and as a sum, to the same stated error, and the sum to a much smaller one."""
+    light, material, view = Spots(resolution=CUBE).cubemap(), Kurt(m=(0.15, 0.15)), Sphere(resolution=32)
+    seconds: list[float] = []
+    lines = []
+    runs: list[tuple[ReferenceMethod, float]] = [("sampling", 1e-2), ("summation", 1e-2), ("summation", 1e-4)]
+    for method, error in runs:
+        seconds.append(_measure_seconds(partial(compute_reference, light, material, view, error, method=method), 1))
+        what = f"reference, Beckmann 0.15, {CUBE} cube, 32^2 sphere, {method} to {100 * error:g} %"
+        lines.append(Line(what, f"{seconds[-1]:.2f} s", f"{seconds[-1] / seconds[0]:.3f}"))
     return lines
 
 

@@ -169,9 +169,10 @@ def print_notes(cells: "pandas.DataFrame") -> None:
 
 
 def warn_of_noise(cells: "pandas.DataFrame") -> None:
-    """Print one line if references stopped at their largest number of samples, above the target noise."""
+    """Print one line if references did not meet their target; up to 1.5 times the noise is as wanted."""
     references = cells.drop_duplicates("reference_key")
-    missed = references[references["reference_noise"] > references["reference_target"]]
+    # Halves of sampled replicates end by the noise of each other, so that the noise of both may be a little higher.
+    missed = references[references["reference_noise"] > 1.5 * references["reference_target"]]
     if len(missed):
         worst = (missed["reference_noise"] / missed["reference_mean"]).max()
         wanted = (missed["reference_target"] / missed["reference_mean"]).min()

@@ -21,7 +21,7 @@ from typing import Self
 from uuid import uuid4
 
 import torch
-from jaxtyping import Float64, Int
+from jaxtyping import Float, Float64, Int
 from torch import Tensor
 
 from glossbench.directions import Vec3, normalize, stack
@@ -117,6 +117,11 @@ def face_directions(s: Tensor, t: Tensor) -> Vec3:
     axes = zip(*tables, strict=True)
     v = normalize(Vec3(*(n.view(shape) + r.view(shape) * s + d.view(shape) * t for n, r, d in axes)))
     return Vec3(v.x.float(), v.y.float(), v.z.float())
+
+
+def face_axes(device: str) -> Float[Tensor, "6 3 3"]:
+    """The directions of each face: its normal, to the right, down."""
+    return torch.stack([_NORMALS, _RIGHT, _DOWN], 1).to(device)
 
 
 def face_coordinates(d: Directions) -> tuple[Int[Tensor, "*#pairs"], Values, Values, Values]:

@@ -9,6 +9,8 @@ from glossbench.channels import LUMINANCE
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap, add_border, face_coordinates, face_directions, texel_solid_angles
 
+PARTS = 8  # of a face along each axis
+
 
 @dataclass(frozen=True)
 class LightDistribution:
@@ -57,11 +59,15 @@ class LightDistribution:
         return self.density[face * r + row, column] / (major * major * major)
 
 
-def luminance_distribution(light: CubeMap) -> LightDistribution:
+def luminance_distribution(light: CubeMap, even: float = 0.0) -> LightDistribution:
     """The distribution whose probability per texel is proportional to solid angle times mean luminance of the light.
 
     The mean is over the bilinear interpolant, [1 6 1] / 8 along each axis, so the density is positive wherever the
     light is. A light that is black everywhere is sampled uniformly.
+
+    Args:
+        even: share of the probability that all lit parts of the light get alike, 8 x 8 to a face, so that a lamp is
+            found beside a sun: within a part it follows the luminance, too.
     """
     r = light.resolution
     weights = torch.tensor(LUMINANCE, dtype=torch.float32, device=light.faces.device)
@@ -72,7 +78,14 @@ def luminance_distribution(light: CubeMap) -> LightDistribution:
     mass = mean * solid_angle
     if not mass.sum() > 0:
         mass = solid_angle.expand(6, r, r)
-    probability = (mass / mass.sum()).reshape(6 * r, r)
+    probability = mass / mass.sum()
+    if even:
+        n = min(r, PARTS)
+        parts = probability.view(6, n, r // n, n, r // n)
+        of_part = parts.sum((2, 4), keepdim=True)
+        share = parts / of_part.clamp(min=1e-300) / (of_part > 0).sum()
+        probability = (1 - even) * probability + even * share.view(6, r, r)
+    probability = probability.reshape(6 * r, r)
     of_row = probability.sum(1)
     marginal = torch.cat([of_row.new_zeros(1), of_row.cumsum(0)])
     marginal = marginal / marginal[-1]

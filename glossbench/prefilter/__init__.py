@@ -87,7 +87,7 @@ from glossbench.shading.kernels import Kernel, PerPoint, kernel, over_points
 from glossbench.shading.method import METHODS, Contract, Method, stage
 from glossbench.shading.visibility import occluder_of, unhidden
 from glossbench.shapes import Radiance
-from glossbench.truth.reference import estimates
+from glossbench.truth.sampling import estimates
 
 __all__ = [
     # The interface of a method, and its registry.

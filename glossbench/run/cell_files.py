@@ -89,10 +89,11 @@ class CellFiles:
             np.savez_compressed(file, deviates=truth.deviates.numpy())
         with replacing(self.disk.path(written[-1])) as part:
             Picture.fromarray(truth.mask.numpy().astype(np.uint8) * 255).save(part, format="PNG")
-        self.disk.write_with(f"references/{key}.json", {"n_samples": truth.n_samples, "seconds": seconds}, written)
+        numbers = {"n_samples": truth.n_samples, "seconds": seconds, "method": truth.method}
+        self.disk.write_with(f"references/{key}.json", numbers, written)
 
     def reference_numbers(self, key: str) -> dict[str, Any]:
-        """n_samples and seconds of a reference."""
+        """n_samples, seconds and method of a reference."""
         return self.disk.read(f"references/{key}.json")
 
     def image(self, key: str) -> NDArray[np.float32]:

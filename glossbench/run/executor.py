@@ -148,7 +148,7 @@ class Executor:
         record = replace(
             record, notes=notes, reference_noise=truth.noise, reference_peak_noise=float(truth.standard_error.max()),
             reference_target=self.study.reference.relative_error * truth.mean, reference_mean=truth.mean,
-            reference_samples=truth.n_samples,
+            reference_samples=truth.n_samples, reference_method=truth.method,
             reference_seconds=self.results.reference_numbers(record.reference_key)["seconds"],
         )  # fmt: skip
         return record, image, half_vectors
@@ -179,7 +179,7 @@ class Executor:
                 begin_round()
                 truth = compute_reference(
                     light, made.material, made.view, options.relative_error, options.max_samples, options.seed, tell,
-                    self.results.folder / "references" if self.use_cache else None,
+                    self.results.folder / "references" if self.use_cache else None, options.method,
                 )  # fmt: skip
                 made.check_unchanged(cell)
             if not torch.isfinite(truth.radiance).all():
@@ -192,6 +192,7 @@ class Executor:
             torch.from_numpy(self.results.mask(key)),
             int(self.results.reference_numbers(key)["n_samples"]),
             torch.from_numpy(self.results.deviates(key)),
+            str(self.results.reference_numbers(key)["method"]),
         )
         self._truth = (key, stored)
         return stored

@@ -13,7 +13,8 @@ from glossbench.scene.mesh_files import READERS
 from glossbench.study.claims import KINDS, Name
 from glossbench.study.registries import REGISTRIES
 from glossbench.study.shared_schema import share_parts
-from glossbench.truth.reference import FIRST_SAMPLES, N_REPLICATES
+from glossbench.truth.reference import ReferenceMethod
+from glossbench.truth.sampling import FIRST_SAMPLES, N_REPLICATES
 
 KINDS_OF_ITEMS = {"light": "light", "material": "material", "view": "view", "methods": "method"}  # by key of a study
 # For each kind that may be the bare name of a file: the endings of such files. A light's file may have any ending.
@@ -28,12 +29,15 @@ class ReferenceOptions(BaseModel):
         relative_error: RMS of its standard error, divided by its mean, at which the reference is accurate enough.
         seed: seed of its scrambles; default: the study's.
         max_samples: samples per pixel and technique at which the reference stops in any case.
+        method: summation is exact up to a stated error, for views whose points hide no light from each other; sampling
+            works for every view; auto takes the one that is predicted to meet relative_error with less work.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
     relative_error: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1e-3
     seed: Seed = 0
     max_samples: Annotated[int, Field(ge=N_REPLICATES * FIRST_SAMPLES)] = 1 << 16
+    method: ReferenceMethod = "auto"
 
     def with_seed(self, seed: int) -> Self:
         """The options for another seed of their study."""

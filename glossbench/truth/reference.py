@@ -1,41 +1,31 @@
-"""The converged truth with its standard error: multiple importance sampling of material and light, without MIP levels.
+"""The truth of a light, a material and a view: a sum where nothing hides the light, otherwise by sampling.
 
-Lo(wo) = integral of L(wi) f(wo, wi) cos_i dwi, L the bilinear interpolant of the light's texels. Techniques: the
-light's luminance, each lobe's sampler, and the cosine for a diffuse part. Each technique draws N points of its own
-scrambled Sobol sequence, and all are weighted by the balance heuristic (Veach 1997 eq. 9.8): every sample contributes
-f L cos_i V / (N sum of all pdfs). V is 0 where the scene hides the light, otherwise 1: a direction that hits the
-surface again contributes nothing, so interreflection is left out. Replicates with independent scrambles give the
-standard error of each pixel. All sequences are extended together until the noise of the image is below the target.
-Groups of replicates are stored, so that a number computed from the reference can be computed again without each group
-(jackknife.py).
+Both integrate Lo(wo) = integral of L(wi) f(wo, wi) cos_i dwi, L the bilinear interpolant of the light's texels, and
+state an error for each pixel and channel (summation.py, sampling.py). Groups of deviations are stored, so that a number
+computed from the reference can be computed again without each group (jackknife.py).
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from math import pi
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Literal, get_args
 
 import torch
 from torch import Tensor
-from torch.quasirandom import SobolEngine
 
-from glossbench.brdf.material import MAX_LOBES, Material, Reflectance
-from glossbench.channels import Channels, add, merge_channels
-from glossbench.directions import Vec3, cosine_hemisphere, to_local, to_world
+from glossbench.brdf.material import MAX_LOBES, Material
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.importance import LightDistribution, luminance_distribution
-from glossbench.envmap.pyramid import Pyramid, finest, lookup, weighted_radiance
 from glossbench.errors import InputError, MethodError, check_call
 from glossbench.process.surroundings import settled
-from glossbench.scene.points import Occluder, ShadingPoints, View, image_of
-from glossbench.shading.kernels import kernel, over_points
-from glossbench.shading.visibility import occluder_of, unhidden
+from glossbench.scene.points import View, image_of
+from glossbench.shading.visibility import occluder_of
+from glossbench.truth.blocks import build_light_blocks
 from glossbench.truth.checkpoint import Checkpoint
+from glossbench.truth.sampling import FIRST_SAMPLES, N_REPLICATES, build_tables, predict_samples, sample_points
+from glossbench.truth.summation import Sums, plan_sum, sum_points
 
-N_REPLICATES = 16  # the relative error of the standard error is 1 / sqrt(2 (16 - 1)) = 18 %
 N_GROUPS = 8  # of two replicates each; a metric is evaluated once more for each group
-FIRST_SAMPLES = 64  # per replicate and technique
+ReferenceMethod = Literal["auto", "summation", "sampling"]
 
 
 @dataclass(frozen=True)
@@ -46,9 +36,11 @@ class Reference:
         radiance: (H, W, 3), float64, zero outside the mask.
         standard_error: standard error of each pixel and channel, (H, W, 3), float64.
         mask: (H, W), true where the surface is visible.
-        n_samples: samples per pixel, over all replicates and techniques.
+        n_samples: samples per pixel, over all replicates and techniques; of a sum, evaluations of f per pixel.
         deviates: (G, H, W, 3), float16: for each group of replicates, its mean minus the radiance, in standard errors;
-            0 where the standard error is 0. So errors that are correlated between the pixels of a group are kept.
+            0 where the standard error is 0. So errors that are correlated between the pixels of a group are kept. A sum
+            has no replicates: half of its groups lie above it and half below (`of_sums`).
+        method: summation or sampling.
     """
 
     radiance: Tensor
@@ -56,6 +48,7 @@ class Reference:
     mask: Tensor
     n_samples: int
     deviates: Tensor
+    method: str = "sampling"
 
     @staticmethod
     def of(replicates: Tensor, mask: Tensor, n_samples: int) -> "Reference":
@@ -66,6 +59,20 @@ class Reference:
         deviates = torch.where(error > 0, (groups - mean) / error, 0.0).half()
         kept = torch.stack([image_of(mask, each) for each in deviates])
         return Reference(image_of(mask, mean), image_of(mask, error), mask, n_samples, kept)
+
+    @staticmethod
+    def of_sums(sums: Sums, mask: Tensor) -> "Reference":
+        """A reference from sums at the pixels of a mask.
+
+        Its stated error takes the place of the standard error. One half of the groups moves every pixel by this error
+        in the direction of the sum of lower order, the other half in the opposite direction, so far that the jackknife
+        of a metric m gives the standard error |m(T + error) - m(T - error)| / 2 and, if m is linear, no bias.
+        """
+        step = (N_GROUPS - 1) ** 0.5 * sums.sign
+        deviates = torch.stack([image_of(mask, step if i < N_GROUPS // 2 else -step).half() for i in range(N_GROUPS)])
+        radiance, error = (image_of(mask, each) for each in (sums.radiance, sums.error))
+        n_evaluations = round(sums.evaluations / max(len(step), 1))
+        return Reference(radiance, error, mask, n_evaluations, deviates, "summation")
 
     def left_out(self, n_groups: int = N_GROUPS) -> Iterator["Reference"]:
         """For each group, the reference from all replicates except those of this group.
@@ -97,23 +104,6 @@ class Reference:
         return float(self.radiance[self.mask].mean())
 
 
-class LightSamples(NamedTuple):
-    """Directions (1, N), their radiance (N, 3) and pdf (1, N)."""
-
-    direction: Vec3
-    radiance: Tensor
-    pdf: Tensor
-
-
-class Tables(NamedTuple):
-    """Data that all techniques share; the occluder is None if the scene does not hide light."""
-
-    reflectance: Reflectance
-    distribution: LightDistribution
-    texels: Pyramid
-    occluder: Occluder | None
-
-
 @settled()
 def compute_reference(
     light: CubeMap,
@@ -124,20 +114,24 @@ def compute_reference(
     seed: int = 0,
     progress: Callable[[float, int], None] | None = None,
     checkpoint: Path | None = None,
+    method: ReferenceMethod = "auto",
 ) -> Reference:
     """The converged image of a material under a light.
 
     Args:
         relative_error: target for the ratio of noise to mean radiance; a black image is finished after one round.
-        max_samples: largest number of samples per pixel and technique, over all replicates. If it is reached first, the
-            noise stays above the target.
+        max_samples: largest number of samples per pixel and technique, over all replicates; a sum evaluates f as often
+            at most. If it is reached first, the noise stays above the target.
         seed: seed of the scrambles.
-        progress: called after each doubling with the relative noise and the number of samples per pixel so far.
+        progress: called after each doubling with the relative noise and the number of samples per pixel so far; by a
+            sum, after each chunk of points.
         checkpoint: a folder for the partial sums, which are saved every ten seconds. If a call is killed, the same call
             continues from them and gives the same bytes. The finished call removes them.
+        method: summation, sampling, or auto, which takes the one that is predicted to meet the target with less work.
 
     Raises:
-        InputError: relative_error is not positive, or max_samples is below that of the first round.
+        InputError: relative_error is not positive, max_samples is below that of the first round, or a view whose points
+            hide light from each other cannot be summed.
         MethodError: the material has more than 16 lobes, the number of kernels.
     """
     check_call("reference", light=(light, CubeMap), material=(material, Material), view=(view, View))
@@ -152,105 +146,30 @@ def compute_reference(
     if len(reflectance.lobes) > MAX_LOBES:
         n_lobes = len(reflectance.lobes)
         raise MethodError(f"{material.name}.reflectance must have at most {MAX_LOBES} lobes, got {n_lobes}")
-    tables = Tables(reflectance, luminance_distribution(light), finest(light), occluder)
-    n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
-    sums = torch.zeros(N_REPLICATES, len(points), 3, dtype=torch.float64, device=device)
-    done = [0] * N_REPLICATES
-    made_by = type(material), type(occluder)
-    key = getattr(occluder, "key", "")
-    kept = Checkpoint.of(checkpoint, *made_by, light.faces, material.key(), points, key, seed, device)
-    kept.load(sums, done)
-    engines = [
-        [SobolEngine(2, scramble=True, seed=(seed * N_REPLICATES + r) * 64 + k) for k in range(n_techniques)]
-        for r in range(N_REPLICATES)
-    ]
-    for n, sequences in zip(done, engines, strict=True):
-        for engine in sequences:
-            engine.fast_forward(n)
-    n = max(FIRST_SAMPLES, *done)
-    while True:
-        for r, sequences in enumerate(engines):
-            if done[r] < n:
-                new = n - done[r]
-                u = [_open(engine.draw(new)).to(device) for engine in sequences]
-                sums[r] += _round(points, tables, u)
-                done[r] = n
-                kept.save(sums, done)
-        mean = sums.mean(0) / n
-        error = (sums / n).std(0) / N_REPLICATES**0.5
-        noise, level = float(error.square().mean().sqrt()), float(mean.mean())
-        n_samples = n * N_REPLICATES * n_techniques
-        if progress is not None:
-            progress(noise / level if level > 0 else 0.0, n_samples)
-        if noise <= relative_error * level or 2 * n * N_REPLICATES > max_samples:
-            kept.remove()
-            return Reference.of(sums / n, view.mask(), n_samples)
-        n *= 2
-
-
-def estimates(light: CubeMap, material: Material, points: ShadingPoints, n_samples: int, seed: int) -> Tensor:
-    """One replicate: radiance (P, 3), float64, with n samples per technique, if nothing hides the light."""
-    reflectance = material.reflectance(points.device)
-    tables = Tables(reflectance, luminance_distribution(light), finest(light), None)
-    n_techniques = 1 + len(reflectance.lobes) + bool(reflectance.diffuse)
-    engines = [SobolEngine(2, scramble=True, seed=seed * 64 + k) for k in range(n_techniques)]
-    u = [_open(engine.draw(n_samples)).to(points.device) for engine in engines]
-    return _round(points, tables, u) / n_samples
-
-
-def _round(points: ShadingPoints, tables: Tables, u: list[Tensor]) -> Tensor:
-    """Sum over one round of samples of every technique, (P, 3), float64."""
-    n = u[0].shape[0]
-    d, pdf = tables.distribution.sample(u[0])
-    lights = LightSamples(Vec3(*(c[None] for c in d)), lookup(tables.texels, d), pdf[None])
-    total = over_points(_from_light, points, n, tables, lights).double()
-    for k, lobe in enumerate(tables.reflectance.lobes):
-        samples = lobe.sample_points(u[1 + k])
-        total += over_points(_from_lobe, points, n, tables, samples, k).double()
-    if tables.reflectance.diffuse:
-        wi = Vec3(*(c[None] for c in cosine_hemisphere(u[-1])))
-        total += over_points(_from_cosine, points, n, tables, wi).double()
-    return total
-
-
-@kernel("reference_light")
-def _from_light(points: ShadingPoints, tables: Tables, lights: LightSamples) -> Tensor:
-    wo, wi = points.wo_local(), to_local(lights.direction, points.t, points.b, points.n)
-    weight = _balanced(tables.reflectance, wo, wi, lights.pdf)
-    weight = unhidden(weight, points, lights.direction, tables.occluder)
-    sums = [w @ lights.radiance for w in weight]
-    return merge_channels(sums)
-
-
-def _from_surface(points: ShadingPoints, tables: Tables, wo: Vec3, wi: Vec3) -> Tensor:
-    d = to_world(wi, points.t, points.b, points.n)
-    weight = unhidden(_balanced(tables.reflectance, wo, wi, tables.distribution.pdf(d)), points, d, tables.occluder)
-    return weighted_radiance(tables.texels, d, None, weight)
-
-
-@kernel("reference_cosine")
-def _from_cosine(points: ShadingPoints, tables: Tables, wi: Vec3) -> Tensor:
-    return _from_surface(points, tables, points.wo_local(), wi)
-
-
-def _balanced(reflectance: Reflectance, wo: Vec3, wi: Vec3, light_pdf: Tensor) -> Channels:
-    """f cos_i / sum of the pdfs of all techniques, for each channel."""
-    pdf, f = light_pdf, reflectance.diffuse_f()
-    if reflectance.diffuse:
-        pdf = pdf + wi.z.clamp(min=0) / pi
-    for lobe in reflectance.lobes:
-        value, density = lobe.f_and_pdf(wo, wi)
-        f, pdf = add(f, value), pdf + density
-    weight = torch.where(wi.z > 0, wi.z / pdf.clamp(min=1e-30), 0.0)
-    return tuple(channel * weight for channel in f)
-
-
-@kernel("reference_lobe")
-def _from_lobe(points: ShadingPoints, tables: Tables, samples: Any, k: int) -> Tensor:
-    wo = points.wo_local()
-    return _from_surface(points, tables, wo, tables.reflectance.lobes[k].sample(wo, samples).wi)
-
-
-def _open(u: Tensor) -> Tensor:
-    """Points of the open unit square, because the logarithm of u is taken."""
-    return u.clamp(2.0**-24, 1 - 2.0**-24)
+    if method not in get_args(ReferenceMethod):
+        raise InputError(f"reference.method must be one of {', '.join(get_args(ReferenceMethod))}, got {method!r}")
+    if method == "summation" and occluder is not None:
+        raise InputError(
+            f"reference.method summation needs a view that hides no light from its points, not {view.name}"
+        )
+    tell = progress or (lambda noise, n_samples: None)
+    made_by, key = (type(material), type(occluder)), getattr(occluder, "key", "")
+    sources = (*made_by, light.faces, material.key(), points, key, device)
+    tables = build_tables(light, reflectance, occluder)
+    if occluder is None and method != "sampling":
+        blocks, most = build_light_blocks(light), max_samples * tables.n_techniques
+        plan = plan_sum(points, reflectance, blocks, relative_error, most)
+        # Sampling draws its first samples in any case.
+        first = FIRST_SAMPLES * N_REPLICATES * tables.n_techniques
+        if method == "auto" and (plan.error > relative_error or plan.evaluations > first):
+            noise, n_samples = predict_samples(points, tables, relative_error, max_samples, seed)
+            is_met = noise <= relative_error, plan.error <= relative_error
+            method = "sampling" if (is_met[0], -n_samples) > (is_met[1], -plan.evaluations) else "summation"
+        if method != "sampling":
+            kept = Checkpoint.of(checkpoint, *sources, f"{relative_error!r} {most}")
+            return Reference.of_sums(
+                sum_points(points, reflectance, blocks, plan, relative_error, tell, kept), view.mask()
+            )
+    kept = Checkpoint.of(checkpoint, *sources, seed)
+    replicates, n_samples = sample_points(points, tables, relative_error, max_samples, seed, tell, kept)
+    return Reference.of(replicates, view.mask(), n_samples)

@@ -19,7 +19,8 @@ from glossbench.scene.sphere import Sphere
 from glossbench.shading.image import shade
 from glossbench.shading.method import METHODS
 from glossbench.study.claims import LowerClaim
-from glossbench.truth.reference import N_REPLICATES, Reference, compute_reference
+from glossbench.truth.reference import Reference, compute_reference
+from glossbench.truth.sampling import N_REPLICATES
 
 RMS = METRICS.create("rms", {})
 CLAIM = LowerClaim(text="a is better", lower="a", than="b", metric="rms")
@@ -114,10 +115,12 @@ def against_coarse_and_fine() -> tuple[list[list[float]], float]:
     """The metrics against coarse references of some seeds, and the metric against a fine one."""
     light, material, view = LIGHTS.create("spots", {"resolution": 32}).cubemap(), GGX(alpha=0.3), Sphere(resolution=8)
     image = shade(METHODS.create("importance_sampling", {"samples": 1024}), light, material, view)
-    coarse = [compute_reference(light, material, view, 1e-9, 1024, seed) for seed in range(N_SEEDS)]
-    return [values(image, each) for each in coarse], RMS(
-        image, compute_reference(light, material, view, 1e-9, 1 << 14, 99)
-    )
+
+    def sampled(n_samples: int, seed: int) -> Reference:
+        return compute_reference(light, material, view, 1e-9, n_samples, seed, method="sampling")
+
+    coarse = [sampled(1024, seed) for seed in range(N_SEEDS)]
+    return [values(image, each) for each in coarse], RMS(image, sampled(1 << 14, 99))
 
 
 def estimated(found: list[float]) -> Estimate:

@@ -8,7 +8,7 @@ from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 import glossbench as gb
-from glossbench.truth.reference import N_REPLICATES
+from glossbench.truth.sampling import N_REPLICATES
 from oracles.mitsuba_side import (
     N_RENDERS,
     emitter,

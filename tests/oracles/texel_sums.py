@@ -11,7 +11,7 @@ from glossbench.brdf.ggx import GGX
 from glossbench.brdf.kurt import Kurt
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.scene.sphere import Sphere
-from oracles.cube_by_hand import centres, fine_light
+from oracles.cube_by_hand import centres, face_points, fine_light, with_border
 
 VIEW = Sphere(resolution=6)
 
@@ -92,6 +92,39 @@ MATERIALS = {
     "ggx_diffuse": Glossy("ggx", (0.2, 0.2), (0.04, 0.04, 0.04), kd=(0.5, 0.3, 0.1)),
     "ggx_anisotropic": Glossy("ggx", (0.5, 0.2), (0.9, 0.7, 0.3)),
 }
+
+
+def gauss_light(faces, order, splits=()):
+    """Directions and radiance times solid angle, (6, n, n, 3), of Gauss's nodes in panels.
+
+    Panels end at texel centres, where the interpolant has its kinks, and at the splits of both face coordinates.
+    """
+    r = faces.shape[1]
+    edges = np.unique([-1, *splits, 1, *centres(r)])
+    nodes, weights = np.polynomial.legendre.leggauss(order)
+    half = np.diff(edges)[:, None] / 2
+    x, weight = (edges[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
+    at = (x + 1) * r / 2 + 0.5
+    low, part = at.astype(int), at % 1
+    padded = with_border(faces)
+    rows = padded[:, low] * (1 - part)[:, None, None] + padded[:, low + 1] * part[:, None, None]
+    radiance = rows[:, :, low] * (1 - part)[:, None] + rows[:, :, low + 1] * part[:, None]
+    points = face_points(x, x)
+    distance = np.linalg.norm(points, axis=-1, keepdims=True)
+    weighted = radiance * (weight[:, None] * weight)[None, :, :, None] / distance**3
+    return points / distance, weighted
+
+
+def gauss_sum(glossy, faces, order=4):
+    """Radiance (P, 3) of the view's pixels, by Gauss quadrature."""
+    d, weighted = (each.reshape(-1, 3) for each in gauss_light(faces, order))
+    image = []
+    for frame in pixels():
+        wi = d @ frame.T
+        above = wi[:, 2] > 0
+        f = glossy.f(frame @ [0.0, 0.0, 1.0], wi[above])
+        image.append((f * weighted[above] * wi[above, 2:]).sum(0))
+    return np.array(image)
 
 
 def extrapolated(glossy, light, k=8):

@@ -3,13 +3,14 @@
 import numpy as np
 from scipy.stats import t as student
 
-from glossbench.truth.reference import N_REPLICATES, compute_reference
+from glossbench.truth.reference import compute_reference
+from glossbench.truth.sampling import N_REPLICATES
 from oracles.texel_sums import VIEW, lights
 
 
 def reference(light, material, relative_error=2e-3, seed=0):
-    """Radiance and standard error (P, 3)."""
-    truth = compute_reference(light, material, VIEW, relative_error=relative_error, seed=seed)
+    """Radiance and standard error (P, 3), by sampling."""
+    truth = compute_reference(light, material, VIEW, relative_error, seed=seed, method="sampling")
     return truth.radiance[truth.mask].numpy(), truth.standard_error[truth.mask].numpy()
 
 

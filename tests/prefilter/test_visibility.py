@@ -20,7 +20,7 @@ from glossbench.scene.shapes import bowl
 from glossbench.shading.kernels import over_points
 from glossbench.shading.kernels.backend import always, choosing, noting
 from glossbench.truth import checkpoint as checkpoint_module
-from glossbench.truth import reference as ground_truth
+from glossbench.truth import sampling as ground_truth
 from glossbench.truth.reference import compute_reference
 from oracles.cube_by_hand import fine_light
 from oracles.texel_sums import MATERIALS, lights

@@ -111,7 +111,7 @@ def test_a_reference_is_read_back_in_single_precision(results):
     assert results.standard_error("k").tobytes() == error.float().numpy().tobytes()
     assert results.deviates("k").tobytes() == deviates.numpy().tobytes()
     assert (results.mask("k") == mask.numpy()).all()
-    assert results.reference_numbers("k") == {"n_samples": 2048, "seconds": 1.5}
+    assert results.reference_numbers("k") == {"n_samples": 2048, "seconds": 1.5, "method": "sampling"}
     assert hidden(results.folder) == []
 
 

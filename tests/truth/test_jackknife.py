@@ -7,7 +7,8 @@ import torch
 from glossbench.errors import InputError
 from glossbench.run.results import Results
 from glossbench.truth.jackknife import jackknife, remove_bias
-from glossbench.truth.reference import N_GROUPS, N_REPLICATES, Reference
+from glossbench.truth.reference import N_GROUPS, Reference
+from glossbench.truth.sampling import N_REPLICATES
 
 
 def without_each(values, statistic):

@@ -13,7 +13,7 @@ from glossbench.scene import rays as rays_module
 from glossbench.scene.camera import frame_vertices
 from glossbench.scene.mesh import Mesh
 from glossbench.scene.mesh_view import LEAST_COSINE
-from glossbench.truth import reference as ground_truth
+from glossbench.truth import sampling as ground_truth
 from glossbench.truth.reference import compute_reference
 from oracles.mitsuba_agreement import check_agreement, light_of, their_light
 from oracles.mitsuba_side import N_RENDERS, PAIRS, diffuse, ggx, mi
