@@ -116,7 +116,7 @@ def test_a_cell_that_ended_the_process_twice_is_passed_over_and_the_next_is_made
     cells = killed(2)
 
     assert list(cells["status"]) == ["done", "failed", "done"]
-    assert cells["reason"][1].startswith("the process ended 2 times in here")
+    assert cells["reason"][1].startswith("the process ended 2 times here,")
     assert "--rerun-failed" in cells["reason"][1]
     assert not (tmp_path / "r" / "begun").exists()
 

@@ -154,7 +154,7 @@ FAULTS = {
     "writes into the pyramid": ("pyramid.texels.zero_()", "hostile.shade writes into 'pyramid'"),
     "writes into the material": (
         "object.__setattr__(material, 'alpha', (0.9, 0.9))",
-        "hostile writes into ggx, which others",
+        "hostile writes into ggx, which other cells read",
     ),
     "writes and raises": ("light.faces.numpy()[:] *= 2; raise ValueError('then')", "ValueError: then"),
 }
