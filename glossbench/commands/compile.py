@@ -69,6 +69,6 @@ def _calls(names: list[str], every: bool) -> "list[Call]":
             continue
         with err.status(f"{name} ...") as status:
             tell = lambda text, name=name: status.update(f"{name}: {text}")  # noqa: E731
-            calls = calls_of(loaded.cells(), loaded.reference.max_samples, tell=tell)
+            calls = calls_of(loaded.cells(), loaded.reference, tell=tell)
         found |= {call.key: call for call in calls if call.key not in found}
     return list(found.values())

@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import fields, replace
+from functools import partial
 from math import sqrt
 from typing import Any
 
@@ -23,10 +24,13 @@ from glossbench.shading.kernels.build import Call
 from glossbench.shading.method import Method, find_budget_option
 from glossbench.shading.stage_cache import StageCache
 from glossbench.study.cells import Cell, to_text
-from glossbench.truth.reference import FIRST_SAMPLES, N_REPLICATES, compute_reference
+from glossbench.study.schema import ReferenceOptions
+from glossbench.truth.reference import ReferenceMethod, compute_reference
+from glossbench.truth.sampling import FIRST_SAMPLES, N_REPLICATES
 
 PIXELS, TEXELS = 12, 32  # along an edge of the views, and of the light
 SHADE_RUNS = 4  # of a cell, to measure its time
+SUM_ERROR = 1e-3  # relative error of the sums
 MUCH = 1 << 24  # pairs of one call; the cell is not run further, because its precomputation does not become less
 
 
@@ -35,15 +39,18 @@ class _Enough(Exception):
 
 
 def calls_of(
-    cells: Iterable[Cell], max_samples: int, patience: float = 1e6, tell: Callable[[str], None] = lambda text: None
+    cells: Iterable[Cell],
+    options: ReferenceOptions,
+    patience: float = 1e6,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> list[Call]:
     """The different kernel calls of cells and of their references, each with the work of all cells together.
 
     A cell that cannot be run is left out.
 
     Args:
-        max_samples: of a reference; how many it will need is not known, and the geometric mean of the first round and
-            this number is assumed.
+        options: of the references. How many samples one will need is not known; the geometric mean of the first round
+            and max_samples is assumed.
         patience: seconds after which a cell with much precomputation is not run further.
         tell: called with the present work.
     """
@@ -61,12 +68,20 @@ def calls_of(
     for alike in _groups(every, lambda cell: [_kind(cell.material), _kind(cell.view)]):
         cell = alike[0]
 
-        def reference(view: View, cell: Cell = cell) -> None:
-            compute_reference(light, copy_of(cell.material), view, 1e9, first)
+        def reference(view: View, method: ReferenceMethod, cell: Cell = cell) -> None:
+            compute_reference(light, copy_of(cell.material), view, SUM_ERROR, first, method=method)
 
         references = _groups(alike, lambda cell: [to_text(each) for each in (cell.light, cell.material, cell.view)])
-        times = sqrt(max_samples / first) * sum(_enlargement(each[0].view) for each in references)
-        _add(found, _recorded(reference, cell.view, patience), times)
+        times = sum(_enlargement(each[0].view) for each in references)
+        sums = (
+            []
+            if options.method == "sampling"
+            else _recorded(partial(reference, method="summation"), cell.view, patience)
+        )
+        _add(found, sums, times)
+        if not sums:  # where the scene hides light, there is no sum
+            samples = _recorded(partial(reference, method="sampling"), cell.view, patience)
+            _add(found, samples, times * sqrt(options.max_samples / first))
     return list(found.values())
 
 

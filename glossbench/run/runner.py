@@ -90,7 +90,7 @@ def run_study(
         own_cells = [cells[i] for i in own if i not in kept]
         if own_cells and study.device == "cpu":
             progress.doing("kernels")
-            choices.plan(calls_of(own_cells, study.reference.max_samples, PATIENCE), progress.doing)
+            choices.plan(calls_of(own_cells, study.reference, PATIENCE), progress.doing)
         with choosing(choices.choose):
             for i in sorted(range(len(cells)), key=lambda i: known[i].ended):  # cells that ended the process come last
                 rows[i] = executor.run(cells[i], known[i], rerun_failed)

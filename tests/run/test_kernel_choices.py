@@ -22,7 +22,7 @@ view: [{sphere: {resolution: 16}}, {sphere: {resolution: 32}}]
 methods:
   - importance_sampling: {samples: [8, 16]}
   - environment_sampling: {samples: 8}
-reference: {relative_error: 0.5, max_samples: 1024}
+reference: {relative_error: 0.5, max_samples: 1024, method: sampling}
 metrics: [rms]
 claims: []
 """
@@ -56,15 +56,24 @@ def call(key):
 
 
 def test_cells_call_the_kernels_of_their_methods_and_references(study):
-    calls = calls_of(study.cells(), 1024)
+    calls = calls_of(study.cells(), study.reference)
 
     assert sorted(each.kernel.name for each in calls) == [
         "environment_sampling", "importance_sampling", "reference_light", "reference_lobe",
     ]  # fmt: skip
 
 
+def test_a_reference_that_may_be_a_sum_calls_the_kernels_of_sums(tmp_path):
+    (tmp_path / "sums.yaml").write_text(STUDY.replace("method: sampling", "method: auto"))
+    study = load_study(str(tmp_path / "sums.yaml"))
+
+    names = {each.kernel.name for each in calls_of(study.cells(), study.reference)}
+
+    assert names == {"environment_sampling", "importance_sampling", "sum_by_moments", "sum_by_corners"}
+
+
 def test_the_work_of_a_kernel_is_that_of_all_cells(study):
-    work = {each.kernel.name: each.pairs for each in calls_of(study.cells(), 1024)}
+    work = {each.kernel.name: each.pairs for each in calls_of(study.cells(), study.reference)}
 
     # Four runs of two cells of 16 samples at each view (the larger budget counts for both), of 112/144 of the pixels.
     assert work["importance_sampling"] == pytest.approx(4 * 2 * 16 * (16**2 + 32**2) * 112 / 144, rel=0.01)
