@@ -69,7 +69,7 @@ def test_a_reference_that_may_be_a_sum_calls_the_kernels_of_sums(tmp_path):
 
     names = {each.kernel.name for each in calls_of(study.cells(), study.reference)}
 
-    assert names == {"environment_sampling", "importance_sampling", "sum_by_moments", "sum_by_corners"}
+    assert names == {"environment_sampling", "importance_sampling", "sum_by_moments"}  # the lobe is wider than a texel
 
 
 def test_the_work_of_a_kernel_is_that_of_all_cells(study):

@@ -75,7 +75,7 @@ def test_z_test_notices_a_fault_in_what_is_integrated(fault):
 
 def test_z_test_notices_a_light_density_that_is_off_by_2_percent(monkeypatch):
     right = ground_truth.luminance_distribution
-    scaled = lambda light: replace(right(light), density=1.02 * right(light).density)  # noqa: E731
+    scaled = lambda light, even: replace(right(light, even), density=1.02 * right(light, even).density)  # noqa: E731
     monkeypatch.setattr(ground_truth, "luminance_distribution", scaled)
 
     radiance, standard_error = reference(lights()["rough"], MATERIALS["ggx_diffuse"].material(), 1e-3)
@@ -225,7 +225,7 @@ def rounds():
     """Stands for `_round`: the first half of the replicates has no noise, and each round has its own mean."""
     made = []
 
-    def one(points, tables, u, fuse):
+    def one(points, tables, u):
         r, k = len(made) % N_REPLICATES, len(made) // N_REPLICATES
         made.append(r)
         noise = 0.0 if r < N_REPLICATES // 2 else 0.5 * (-1) ** r
