@@ -11,7 +11,7 @@ from glossbench.brdf.cook_torrance import CookTorrance
 from glossbench.errors import InputError
 from oracles.chi_square import SEEDS, OneQuadrant, chi_square_p, p_limit
 from oracles.hemisphere import VIEWS, WIDTHS, check_values, direction, half_of, random_hemisphere, vectors
-from oracles.lobe_checks import check_compiled, check_finite, check_reciprocity, check_weight
+from oracles.lobe_checks import check_finite, check_reciprocity, check_weight
 from oracles.method_errors import check_methods, limits, method_errors
 from oracles.quadrature import albedo_by_hand, over_slopes, pdf_in_numpy, visible_share
 from oracles.texel_sums import extrapolated, lights
@@ -185,11 +185,6 @@ def test_albedo_check_notices(fault, options):
 @pytest.mark.parametrize("widths", [(1e-3, 1e-3), (0.1, 0.1), (1.0, 1e-3), (1.0, 1.0)])
 def test_values_are_finite_at_grazing_angles(widths):
     check_finite(CookTorrance(m=widths))
-
-
-def test_compiled_kernel_agrees_with_the_eager_one():
-    # Measured: 2.4e-7, another order of the same float32 operations.
-    check_compiled(lobe_of((0.3, 0.2), f0=(0.9, 0.5, 0.2)), rtol=2e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """The tabulated density of half vectors and the lobe that it samples, on BRDFs known by formula."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from math import pi
 
@@ -14,26 +14,12 @@ from glossbench.brdf.material import Material, Reflectance
 from glossbench.brdf.measured.half_vector_density import RINGS, SECTORS, VIEWS, build_half_vector_density
 from glossbench.brdf.measured.lobe import MeasuredLobe, build_measured_lobe
 from glossbench.directions import Vec3, points_2d
+from oracles.formula_tables import ByFormula
 from oracles.hemisphere import direction, vectors
-from oracles.lobe_checks import check_compiled
 from oracles.texel_sums import Glossy, extrapolated, lights
 from oracles.z_scores import check_z, reference
 
 SAMPLES = 40_000
-
-
-@dataclass(frozen=True)
-class ByFormula:
-    """A table of unlimited resolution: a material; known where both directions are within 80 degrees."""
-
-    material: Material
-
-    def value(self, wo, wi):
-        f = self.material.f(wo, wi)
-        return f if len(f) == 3 else f * 3
-
-    def known(self, wo, wi):
-        return (wo.z > 0.17) & (wi.z > 0.17)
 
 
 @cache
@@ -229,7 +215,3 @@ def test_z_test_notices_a_density_that_is_ten_percent_too_large(monkeypatch):
 
     with pytest.raises(AssertionError):
         check_z(radiance, standard_error, extrapolated(table, lights()["rough"]), n_tests=2)
-
-
-def test_compiled_kernel_agrees_with_the_eager_one():
-    check_compiled(lobe_of(0.3), rtol=1e-4)
