@@ -19,7 +19,7 @@ from glossbench.methods.filtered_importance_sampling.visibility_harmonics import
 )
 from glossbench.scene.mesh import make_mesh
 from glossbench.scene.points import Occluder, ShadingPoints, View
-from glossbench.shading import kernels as fusion
+from glossbench.shading.kernels import chunks
 from glossbench.shading.image import shade
 from glossbench.truth.reference import compute_reference
 
@@ -242,7 +242,7 @@ def test_harmonics_are_nearer_to_the_reference_the_more_directions_are_tested():
 
 
 def test_images_notice_coefficients_of_other_points(monkeypatch):
-    monkeypatch.setattr(fusion.PerPoint, "rows", lambda self, start, stop: self.values.flip(0)[start:stop])
+    monkeypatch.setattr(chunks.PerPoint, "rows", lambda self, start, stop: self.values.flip(0)[start:stop])
 
     assert error(**SH, visibility_samples=64) > 0.7 * error()
 
@@ -258,7 +258,7 @@ def test_images_notice_a_cosine_that_counts_twice(monkeypatch):
 def test_chunks_take_their_own_points_coefficients(monkeypatch):
     light, material, view, _ = scene()
     whole = shade(method(), light, material, view, time_it=False).radiance
-    monkeypatch.setattr(fusion, "CHUNK", 300)
+    monkeypatch.setattr(chunks, "CHUNK", 300)
 
     chunked = shade(method(), light, material, view, time_it=False).radiance
 
