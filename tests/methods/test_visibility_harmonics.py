@@ -19,8 +19,8 @@ from glossbench.methods.filtered_importance_sampling.visibility_harmonics import
 )
 from glossbench.scene.mesh import make_mesh
 from glossbench.scene.points import Occluder, ShadingPoints, View
-from glossbench.shading.kernels import chunks
 from glossbench.shading.image import shade
+from glossbench.shading.kernels import chunks
 from glossbench.truth.reference import compute_reference
 
 
