@@ -54,9 +54,8 @@ class CellKeys:
         guard: Callable[[Cell, str], AbstractContextManager[None]],
     ) -> None:  # fmt: skip
         self.sources = Sources(study.measured)
-        self.code = compute_code_hash(
-            "glossbench.run.measuring"
-        )  # includes the tuning, shading and metrics that it calls
+        # Includes the tuning, shading and metrics that it calls.
+        self.code = compute_code_hash("glossbench.run.measuring")
         self._common = [compute_code_hash("glossbench.truth.reference"), study.reference.model_dump(), study.device]
         self._results, self._lights, self._guard = results, lights, guard
         self._marks = results.folder / "begun"

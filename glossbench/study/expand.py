@@ -9,23 +9,18 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from glossbench.brdf.measured_file import resolve_material
 from glossbench.catalog.locate import locate
-from glossbench.envmap.lights.file_light import resolve_light
 from glossbench.errors import InputError, suggest_nearest
 from glossbench.metrics import METRICS, Metric
 from glossbench.options import Options, check, list_options, make_option_schema
 from glossbench.plugin_errors import locate_error, summarize_error
 from glossbench.rules import suggest_instead
-from glossbench.scene.mesh_view import resolve_view
 from glossbench.shading.method import Method
 from glossbench.study.cells import Candidate, Tuning
 from glossbench.study.document import Document, KeyPath, format_path
+from glossbench.study.item_words import WORDS, explain_unknown, format_flow
 from glossbench.study.registries import REGISTRIES
-from glossbench.study.schema import ENDINGS, TuneKeys
-
-# For each kind that may be stated by the bare name of a file: how to read a word.
-WORDS = {"light": resolve_light, "material": resolve_material, "view": resolve_view}
+from glossbench.study.schema import TuneKeys
 
 
 class Axis(NamedTuple):
@@ -57,14 +52,14 @@ class Form:
         self._document, self._kind, self._folder, self._metrics = document, kind, folder, metrics
         name, stated, self.path, at = self._read_name(path, value)
         if name not in REGISTRIES[kind.removesuffix("s")].names():
-            text = f"{format_path(path)}: {_explain_unknown(self.noun, name, stated)}"
+            text = f"{format_path(path)}: {explain_unknown(self.noun, name, stated)}"
             raise document.make_error(at, text, at_key=at != path)
         self.cls: type[Options] = REGISTRIES[kind.removesuffix("s")].get(name)
         self.tune: Tuning | None = None
         self.axes: list[Axis] = []
         if not isinstance(stated, dict):
             of_file = [option for option in list_options(self.cls) if self.cls.file_of(option, str(stated))]
-            hint = "".join(f"; write {name}: {_format_flow({option: stated})}" for option in of_file[:1])
+            hint = "".join(f"; write {name}: {format_flow({option: stated})}" for option in of_file[:1])
             raise document.make_error(at, f"{format_path(at)}: options must be a mapping, got {stated!r}{hint}")
         self._stated = stated
         self._require_known(self.path, [option for option in stated if option != "zip"])
@@ -269,22 +264,6 @@ class Form:
         known = list_options(self.cls)
         if unknown := [option for option in options if option not in known]:
             raise self._document.make_unknown_error(path, "option", unknown, known)
-
-
-def _explain_unknown(kind: str, name: str, stated: Any) -> str:
-    """The message for an unknown name: how to write a file, the endings of such files, or the nearest name."""
-    if isinstance(stated, str) and kind in WORDS:
-        meant, option = WORDS[kind](stated)
-        if option:
-            unknown = REGISTRIES[kind].explain_unknown(name).partition(";")[0]
-            return f"{unknown}; write {stated}, or {meant}: {_format_flow(option)}"
-    if ENDINGS.get(kind) and Path(name).suffix:
-        return f"unknown {kind} {name!r}; a file that is a {kind} ends in {', '.join(ENDINGS[kind])}"
-    return REGISTRIES[kind].explain_unknown(name)
-
-
-def _format_flow(options: dict[str, Any]) -> str:
-    return f"{{{', '.join(f'{key}: {value}' for key, value in options.items())}}}"
 
 
 def _read_bounds(cls: type[Options], option: str) -> list[float] | None:
