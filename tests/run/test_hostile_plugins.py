@@ -88,6 +88,9 @@ plugins: [hostile_plugin]
 """
 
 
+BETWEEN, ALONE = "[decent, hostile, {decent: {samples: 3}}]", "[decent, {decent: {samples: 3}}]"
+
+
 @pytest.fixture
 def study_of(tmp_path, monkeypatch):
     """Makes a study of decent cells before and after a hostile one, whose body is given."""
@@ -99,11 +102,10 @@ def maker(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Study]
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
 
-    def make(shade="pass", stage="pass", supports="return None", n_samples="self.samples", limit=60.0, hostile=True):
+    def make(shade="pass", stage="pass", supports="return None", n_samples="self.samples", limit=60.0, methods=BETWEEN):
         code = PLUGIN.format(shade=shade, stage=stage, supports=supports, n_samples=n_samples)
         (folder / "hostile_plugin.py").write_text(code)
         monkeypatch.delitem(sys.modules, "hostile_plugin", raising=False)
-        methods = "[decent, hostile, {decent: {samples: 3}}]" if hostile else "[decent, {decent: {samples: 3}}]"
         path = folder / "s.yaml"
         path.write_text(STUDY.replace("METHODS", methods).replace("LIMIT", str(limit)))
         return load_study(path)
@@ -125,7 +127,7 @@ def undisturbed(tmp_path_factory):
     """The decent cells of a run without the hostile one."""
     folder = tmp_path_factory.mktemp("undisturbed")
     with pytest.MonkeyPatch.context() as patch:
-        return decent_cells(run_study(maker(folder, patch)(hostile=False), folder / "r").folder)
+        return decent_cells(run_study(maker(folder, patch)(methods=ALONE), folder / "r").folder)
 
 
 # Body of shade, and the last line of the reason.
@@ -160,19 +162,39 @@ FAULTS = {
 }
 
 
+@pytest.fixture(scope="module")
+def faulty(tmp_path_factory):
+    """A run of one hostile cell for each fault with a decent cell after each, and a run of the decent cells alone."""
+    budgets = range(1, len(FAULTS) + 1)
+    shade = "".join(
+        f"if self.samples == {n}:\n            {code}\n        "
+        for n, (code, _) in zip(budgets, FAULTS.values(), strict=True)
+    )
+    decent = [f"{{decent: {{samples: {n}}}}}" for n in budgets]
+    both = [method for n in budgets for method in (f"{{hostile: {{samples: {n}}}}}", decent[n - 1])]
+    with METHODS.isolated(), pytest.MonkeyPatch.context() as patch:
+        make = maker(tmp_path_factory.mktemp("faulty"), patch)
+        return [
+            run_study(make(shade, methods=f"[{', '.join(methods)}]"), tmp_path_factory.mktemp("r") / "r")
+            for methods in (both, decent)
+        ]
+
+
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_hostile_cell_fails_with_its_reason_and_the_others_have_the_same_bytes(
-    study_of, tmp_path, undisturbed, fault
-):
-    shade, reason = FAULTS[fault]
+def test_a_hostile_cell_fails_with_its_reason(faulty, fault):
+    cells = faulty[0].cells[faulty[0].cells["method"] == "hostile"].reset_index()
+    row = [*FAULTS].index(fault)
 
-    results = run_study(study_of(shade), tmp_path / "r")
+    assert cells["status"][row] == "failed"
+    assert cells["reason"][row].startswith("Traceback")
+    assert FAULTS[fault][1] in cells["reason"][row].splitlines()[-1]
 
-    cells = results.cells
-    assert list(cells["status"]) == ["done", "failed", "done"]
-    assert cells["reason"][1].startswith("Traceback")
-    assert reason in cells["reason"][1].splitlines()[-1]
-    assert decent_cells(results.folder) == undisturbed
+
+def test_the_cells_after_hostile_ones_have_the_same_bytes(faulty):
+    after, alone = (decent_cells(results.folder) for results in faulty)
+
+    assert len(alone) == len(FAULTS)
+    assert after == alone
 
 
 def test_a_stage_that_writes_into_another_stage_is_named(study_of, tmp_path, undisturbed):
