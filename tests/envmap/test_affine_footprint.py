@@ -9,7 +9,6 @@ from glossbench.directions import Vec3, points_2d
 from glossbench.envmap.pyramid import Pyramid, build_pyramid, lookup
 from glossbench.methods.filtered_importance_sampling import FilteredImportanceSampling
 from glossbench.scene.points import ShadingPoints
-from glossbench.shading.kernels.backend import always, choosing, noting
 
 SAMPLES, PROBES = 12, 8
 M = (0.3, 0.08)
@@ -101,16 +100,3 @@ def test_a_constant_light_needs_no_footprint():
 
     # Measured 8.3e-7.
     torch.testing.assert_close(images[0], images[1], rtol=1e-6, atol=0)
-
-
-def test_compiled_equals_eager(light):
-    method = gb.method("filtered_importance_sampling", samples=SAMPLES, footprint="affine", probes=2)
-    arguments = surface(), gb.material("kurt", m=M), build_pyramid(light, "box"), torch.zeros(9, 3)
-    eager = method.shade(*arguments)
-
-    with choosing(always), noting() as used:
-        compiled = method.shade(*arguments)
-
-    assert used == {"affine_footprint": "compiled"}
-    # Measured 1.4e-7.
-    torch.testing.assert_close(compiled, eager, rtol=7e-7, atol=0)

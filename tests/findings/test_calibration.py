@@ -1,4 +1,4 @@
-"""Whether the noise of verdicts is honest: simulated comparisons, and real references against a much finer one."""
+"""Whether the noise of verdicts is honest: simulated comparisons, and sampled references against a sum."""
 
 from functools import cache
 from math import sqrt
@@ -107,20 +107,18 @@ def test_the_power_to_see_a_difference(factor, least):
 
 # Real: importance sampling of a small bright light, whose RMS error is 2.5 times the noise of a coarse reference.
 
-N_SEEDS = 16
+N_SEEDS = 32
 
 
 @cache
-def against_coarse_and_fine() -> tuple[list[list[float]], float]:
-    """The metrics against coarse references of some seeds, and the metric against a fine one."""
+def against_samples_and_sum() -> tuple[list[list[float]], float]:
+    """The metrics against sampled references of some seeds, and the metric against the sum."""
     light, material, view = LIGHTS.create("spots", {"resolution": 32}).cubemap(), GGX(alpha=0.3), Sphere(resolution=8)
     image = shade(METHODS.create("importance_sampling", {"samples": 1024}), light, material, view)
-
-    def sampled(n_samples: int, seed: int) -> Reference:
-        return compute_reference(light, material, view, 1e-9, n_samples, seed, method="sampling")
-
-    coarse = [sampled(1024, seed) for seed in range(N_SEEDS)]
-    return [values(image, each) for each in coarse], RMS(image, sampled(1 << 14, 99))
+    coarse = [compute_reference(light, material, view, 1e-9, 1024, seed, method="sampling") for seed in range(N_SEEDS)]
+    return [values(image, each) for each in coarse], RMS(
+        image, compute_reference(light, material, view, 1e-5, method="summation")
+    )
 
 
 def estimated(found: list[float]) -> Estimate:
@@ -128,28 +126,31 @@ def estimated(found: list[float]) -> Estimate:
 
 
 def covered(spoilt=list) -> int:
-    """How many intervals contain the metric against the fine reference."""
-    found, fine = against_coarse_and_fine()
-    return sum(estimated(spoilt(each)).is_unresolved(fine) for each in found)
+    """How many intervals contain the metric against the sum."""
+    found, right = against_samples_and_sum()
+    return sum(estimated(spoilt(each)).is_unresolved(right) for each in found)
 
 
 def standard_errors_off(numbers) -> float:
-    """By how many standard errors of their mean numbers are off the metric against the fine reference."""
-    off = np.array(numbers) - against_coarse_and_fine()[1]
+    """By how many standard errors of their mean numbers are off the metric against the sum."""
+    off = np.array(numbers) - against_samples_and_sum()[1]
     return float(off.mean() / (off.std(ddof=1) / sqrt(N_SEEDS)))
 
 
-def test_intervals_against_coarse_references_contain_the_metric_against_a_fine_one():
-    assert covered() >= 14
+def test_intervals_against_sampled_references_contain_the_metric_against_the_sum():
+    """Of 160 seeds, 153 did (95.6 %)."""
+    assert covered() >= 29
 
 
 def test_intervals_of_half_the_noise_do_not():
-    assert covered(too_sure) < 14
+    """Of 160 seeds, 122 did (76 %)."""
+    assert covered(too_sure) < 29
 
 
-def test_a_metric_without_its_bias_is_that_against_a_fine_reference():
-    assert abs(standard_errors_off([estimated(each).value for each in against_coarse_and_fine()[0]])) < 2.5
+def test_a_metric_without_its_bias_is_that_against_the_sum():
+    """Of 160 seeds: 0.4 standard errors off."""
+    assert abs(standard_errors_off([estimated(each).value for each in against_samples_and_sum()[0]])) < 2.5
 
 
 def test_a_metric_with_its_bias_is_too_large():
-    assert standard_errors_off([each[0] for each in against_coarse_and_fine()[0]]) > 3.5
+    assert standard_errors_off([each[0] for each in against_samples_and_sum()[0]]) > 3.5

@@ -1,6 +1,5 @@
 """Methods with a shadow ray a sample, in a bowl, against the reference; and unchanged where nothing is hidden."""
 
-from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -14,7 +13,6 @@ from glossbench.envmap.lights.synthetic import Constant, Spots
 from glossbench.prefilter import diffuse
 from glossbench.shading import visibility
 from glossbench.shading.image import shade
-from glossbench.shading.kernels.backend import always, choosing
 from glossbench.shading.method import METHODS
 from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import compute_reference
@@ -157,21 +155,3 @@ def test_on_a_sphere_rays_change_not_a_bit(method):
 
     assert torch.equal(none, rays)
     assert none.any()
-
-
-def test_compiled_and_eager_kernels_hide_the_same():
-    """Of a lobe alone: a diffuse part would be another kernel to compile."""
-
-    def shown(visibility):
-        method = gb.method("filtered_importance_sampling", samples=64, visibility=visibility)
-        return shade(method, light("spots"), replace(MATERIAL, kd=0.0), view(), time_it=False)
-
-    eager, blinded = shown("rays").radiance, shown("none").radiance
-    with choosing(always):
-        image = shown("rays")
-
-    assert image.kernels == {"filtered_importance_sampling": "compiled"}
-    compiled = image.radiance
-    torch.testing.assert_close(compiled, eager, rtol=4e-7, atol=0)  # measured 8e-8
-    assert (eager <= blinded).all()
-    assert (eager < blinded).any()

@@ -1,16 +1,11 @@
-"""Checks of every lobe: weights, reciprocity, finite values, the same from the fused kernel."""
+"""Checks of every lobe: weights, reciprocity, finite values."""
 
 from math import pi, radians
 
 import numpy as np
-import pytest
 import torch
 
 from glossbench.directions import Vec3, points_2d
-from glossbench.scene.sphere import Sphere
-from glossbench.shading.kernels import kernel, over_points
-from glossbench.shading.kernels.backend import always, choosing, noting
-from glossbench.shading.kernels.build import has_compiler
 from oracles.hemisphere import direction, random_hemisphere, vectors
 
 
@@ -58,36 +53,3 @@ def check_finite(material):
         assert (values >= 0).all()
     assert (sample.pdf > 0).all()
     assert all((w.expand_as(sample.wi.z)[sample.wi.z <= 0] == 0).all() for w in sample.weight)
-
-
-@kernel("everything_of_lobes")
-def everything(points, lobes, samples):
-    """Sums over samples of all that the lobes offer."""
-    wo, columns = points.wo_local(), []
-    for lobe, drawn in zip(lobes, samples, strict=True):
-        wi, pdf, weight = lobe.sample(wo, drawn)
-        f, density = lobe.f_and_pdf(wo, wi)
-        columns += [(pdf.clamp(max=100) * wi.x.abs()).sum(1), density.clamp(max=100).sum(1)]
-        columns += [w.sum(1) for w in weight] + [(value * wi.z).clamp(0, 100).sum(1) for value in f]
-    return torch.stack(columns, dim=1)
-
-
-def check_compiled(*lobes):
-    """One compiled kernel for all lobes, each with the relative error that its columns may have."""
-    if not has_compiler():
-        pytest.skip("no C++ compiler")
-    points = Sphere(resolution=20).points()
-    alone = tuple(lobe for lobe, _ in lobes)
-    samples = tuple(lobe.sample_points(points_2d(64)) for lobe in alone)
-    eager = over_points(everything, points, 64, alone, samples)
-
-    with choosing(always), noting() as used:
-        compiled = over_points(everything, points, 64, alone, samples)
-
-    assert used == {"everything_of_lobes": "compiled"}
-    start = 0
-    for (lobe, rtol), drawn in zip(lobes, samples, strict=True):
-        stop = start + everything(points.columns(0, 2), (lobe,), (drawn,)).shape[1]
-        torch.testing.assert_close(compiled[:, start:stop], eager[:, start:stop], rtol=rtol, atol=0)
-        start = stop
-    assert start == eager.shape[1]

@@ -25,9 +25,6 @@ from glossbench.methods.importance_sampling import ImportanceSampling
 from glossbench.methods.regular_sampling import RegularSampling
 from glossbench.scene.sphere import Sphere
 from glossbench.shading.image import shade
-from glossbench.shading.kernels import kernel, over_points
-from glossbench.shading.kernels.backend import always, choosing, noting
-from glossbench.shading.kernels.build import has_compiler
 from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import compute_reference
 from oracles.chi_square import chi_square_p, integrate_cells
@@ -608,31 +605,3 @@ def test_smooth_light_notices(monkeypatch, planted, method, name, wrong):
     monkeypatch.setattr(CosineLobe, name, wrong)
 
     assert error_of(method, "retro") > 5 * MEASURED[method]["retro"], planted
-
-
-@kernel("everything_of_a_cosine_lobe")
-def _everything(points, lobe, samples, h):
-    """Sums over samples of all that a lobe computes."""
-    wo = points.wo_local()
-    viewer = lobe.viewer(wo)
-    wi, pdf, (weight,) = lobe.sample(wo, samples)
-    (f,), density = lobe.f_and_pdf(wo, wi)
-    (over_D,) = lobe.f_over_D(wo, lobe.to_surface(wo, reflect(viewer, h)), h, dot(viewer, h).clamp(min=1e-4))
-    parts = (wi.x, pdf, weight, f, density, over_D)
-    return torch.stack([part.expand_as(wi.z).sum(1) for part in parts], dim=1)
-
-
-def test_compiled_kernel_agrees_with_the_eager_one():
-    if not has_compiler():
-        pytest.skip("no C++ compiler")
-    points, lobe = Sphere(resolution=20).points(), lobe_of(ANISOTROPIC, 20.0)
-    h = Vec3(*(c[None] for c in vectors([direction(t, 2.4 * i) for i, t in enumerate(np.linspace(0, 0.3, 64))])))
-    arguments = (lobe, lobe.sample_points(points_2d(64)), h)
-    eager = over_points(_everything, points, 64, *arguments)
-
-    with choosing(always), noting() as used:
-        compiled = over_points(_everything, points, 64, *arguments)
-
-    assert used == {"everything_of_a_cosine_lobe": "compiled"}
-    # Measured: 2.4e-7 of the largest, another order of the same float32 operations.
-    assert ((compiled - eager).abs() / eager.abs().amax(0)).max() < 2e-6

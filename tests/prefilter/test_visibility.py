@@ -9,16 +9,12 @@ import torch
 import trimesh
 
 import glossbench as gb
-from glossbench.directions import Vec3, cosine_hemisphere
-from glossbench.envmap.importance import luminance_distribution
-from glossbench.envmap.pyramid import finest
+from glossbench.directions import Vec3
 from glossbench.scene import rays as rays_module
 from glossbench.scene.mesh import make_mesh
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.rays import OFFSET, Rays
 from glossbench.scene.shapes import bowl
-from glossbench.shading.kernels import over_points
-from glossbench.shading.kernels.backend import always, choosing, noting
 from glossbench.truth import checkpoint as checkpoint_module
 from glossbench.truth import sampling as ground_truth
 from glossbench.truth.reference import compute_reference
@@ -355,26 +351,6 @@ def test_a_convex_mesh_is_lit_as_if_nothing_were_hidden(tmp_path, monkeypatch):
     # The same samples. Measured 2e-4: light between the horizons of n and of the triangle.
     assert (plain.radiance - shadowed.radiance).abs().max() < 1e-3 * plain.mean
     assert (plain.radiance >= shadowed.radiance).all()
-
-
-def test_compiled_and_eager_kernels_see_the_same():
-    view, _ = under_disc(16)
-    light, material = lights()["rough"], gb.material("kurt", ks=0.0, kd=0.5)
-    tables = ground_truth.Tables(
-        material.reflectance("cpu"), luminance_distribution(light), finest(light), view.scene()
-    )
-    wi = Vec3(*(c[None] for c in cosine_hemisphere(torch.rand(256, 2, generator=torch.Generator().manual_seed(0)))))
-
-    def seen(occluder):
-        return over_points(ground_truth._from_cosine, view.points(), 256, tables._replace(occluder=occluder), wi)
-
-    eager, unhidden = seen(view.scene()), seen(None)
-    with choosing(always), noting() as used:
-        compiled = seen(view.scene())
-
-    assert used == {"reference_cosine": "compiled"}
-    torch.testing.assert_close(compiled, eager, rtol=6e-7, atol=0)  # measured 0
-    assert (eager < unhidden).all()
 
 
 # Checkpoints.

@@ -10,10 +10,13 @@ from dataclasses import dataclass, replace
 import pytest
 import torch
 
+from glossbench.directions import points_2d, spherical, to_local
 from glossbench.errors import WriteError
+from glossbench.scene.mesh_view import MeshView
 from glossbench.scene.sphere import Sphere
 from glossbench.shading.kernels import artefacts, backend, build, check, kernel, over_points
 from glossbench.shading.kernels.backend import always, choosing, never, noting
+from glossbench.shading.visibility import unhidden
 from glossbench.strict_json import seal, unseal
 
 N = 16
@@ -315,3 +318,27 @@ def test_a_local_kernel_runs_eagerly(cache):
         over_points(local, Sphere(resolution=4).points(), 1)
 
     assert used == {"local": "eager"}
+
+
+@kernel("with_rays")
+def lit(points, directions, occluder):
+    """The sum of the cosines of directions that nothing hides."""
+    cosine = to_local(directions, points.t, points.b, points.n).z.clamp(min=0)
+    return unhidden((cosine,), points, directions, occluder)[0].sum(1)
+
+
+def test_a_compiled_kernel_that_casts_rays_sees_what_the_eager_one_sees(tmp_path, monkeypatch):
+    if not build.has_compiler():
+        pytest.skip("no C++ compiler")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    view, u = MeshView(shape="bowl", resolution=8), points_2d(64)
+    directions = spherical(torch.pi * u[None, :, 0], 2 * torch.pi * u[None, :, 1])
+    eager, blind = (over_points(lit, view.points(), 64, directions, each) for each in (view.scene(), None))
+
+    with choosing(always), noting() as used:
+        compiled = over_points(lit, view.points(), 64, directions, view.scene())
+
+    assert used == {"with_rays": "compiled"}
+    torch.testing.assert_close(compiled, eager, rtol=1e-6, atol=0)
+    assert (eager <= blind).all()
+    assert (eager < blind).any()
