@@ -33,6 +33,7 @@ from glossbench.strict_json import seal, unseal
 
 BOUND = 1 << 30  # bytes of all libraries; above it, those that were not used for the longest time are removed
 COMPILER = "glossbench.shading.kernels.compile"
+FACTS, LIBRARIES = "[!.]*.json", "[!.]*.so"  # what begins with a dot is being written
 
 Size = int | str  # of a dimension: a number, or the name of a number that may vary
 
@@ -149,7 +150,7 @@ def store(key: str, library: Path, facts: dict[str, Any]) -> Artefact:
 
 def bound(limit: int) -> None:
     """Remove the artefacts that were not used for the longest time, until all libraries together take less."""
-    used = sorted(folder().glob("*.json"), key=lambda path: path.stat().st_mtime, reverse=True)
+    used = sorted(folder().glob(FACTS), key=lambda path: path.stat().st_mtime, reverse=True)
     kept, total = set(), 0
     for path in used:
         artefact = _read(path, silent=True)
@@ -159,7 +160,7 @@ def bound(limit: int) -> None:
             path.unlink(missing_ok=True)
         else:
             kept.add(library)
-    for library in folder().glob("*.so"):
+    for library in folder().glob(LIBRARIES):
         # Another process may have written the library, but not yet its facts.
         if library not in kept and (total > limit or not _is_new(library)):
             library.unlink(missing_ok=True)
@@ -170,7 +171,7 @@ def clear() -> int:
     n = 0
     if folder().is_dir():
         remove_abandoned(folder())
-        for path in [*folder().glob("*.json"), *folder().glob("*.so"), *folder().glob("*.lock")]:
+        for path in [*folder().glob(FACTS), *folder().glob(LIBRARIES), *folder().glob("*.lock")]:
             n += path.suffix == ".json"
             path.unlink(missing_ok=True)
     return n
@@ -178,7 +179,7 @@ def clear() -> int:
 
 def every() -> Iterator[Artefact]:
     """All artefacts that are not damaged."""
-    for path in sorted(folder().glob("*.json")):
+    for path in sorted(folder().glob(FACTS)):
         if artefact := _read(path, silent=True):
             yield artefact
 
