@@ -31,6 +31,7 @@ from glossbench.truth.sampling import FIRST_SAMPLES, N_REPLICATES
 PIXELS, TEXELS = 12, 32  # along an edge of the views, and of the light
 SHADE_RUNS = 4  # of a cell, to measure its time
 SUM_ERROR = 1e-3  # relative error of the sums
+USUAL_SAMPLES = 256  # of a method without a budget
 MUCH = 1 << 24  # pairs of one call; the cell is not run further, because its precomputation does not become less
 
 
@@ -83,6 +84,14 @@ def calls_of(
             samples = _recorded(partial(reference, method="sampling"), cell.view, patience)
             _add(found, samples, times * sqrt(options.max_samples / first))
     return list(found.values())
+
+
+def bound_pairs(cells: Iterable[Cell], options: ReferenceOptions) -> float:
+    """Points times samples that cells and their references do not exceed; precomputation does not count."""
+    return sum(
+        PIXELS**2 * _enlargement(cell.view) * (options.max_samples + SHADE_RUNS * max(_budget(cell), USUAL_SAMPLES))
+        for cell in cells
+    )
 
 
 def _recorded(work: Callable[[View], None], view: View, patience: float) -> list[Call]:

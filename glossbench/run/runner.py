@@ -20,16 +20,16 @@ from glossbench.process.surroundings import settled
 from glossbench.provenance import collect_provenance
 from glossbench.run.cell_keys import Identity
 from glossbench.run.executor import Executor, Progress
-from glossbench.run.kernel_calls import calls_of
+from glossbench.run.kernel_calls import bound_pairs, calls_of
 from glossbench.run.kernel_choices import KernelChoices
 from glossbench.run.manifest import make_entry
 from glossbench.run.results import Results
 from glossbench.run.study_lights import StudyLights
-from glossbench.shading.kernels.backend import choosing
+from glossbench.shading.kernels.backend import EAGER_RATE, choosing
 from glossbench.study.cells import Cell
 from glossbench.study.study import Study
 
-PATIENCE = 1.0  # seconds per method, to find the kernels that a run calls
+PATIENCE = 1.0  # seconds per method, to find the kernels that a run calls; shorter runs do not look for them
 
 
 @settled()
@@ -88,7 +88,7 @@ def run_study(
         choices = KernelChoices(results.disk, again=not use_cache)
         # What plug-ins call is not known before they run, guarded, in their own cells.
         own_cells = [cells[i] for i in own if i not in kept]
-        if own_cells and study.device == "cpu":
+        if study.device == "cpu" and bound_pairs(own_cells, study.reference) > PATIENCE * EAGER_RATE:
             progress.doing("kernels")
             choices.plan(calls_of(own_cells, study.reference, PATIENCE), progress.doing)
         with choosing(choices.choose):

@@ -7,7 +7,7 @@ import pytest
 
 from glossbench.run import kernel_choices
 from glossbench.run.folder import Folder
-from glossbench.run.kernel_calls import MUCH, calls_of
+from glossbench.run.kernel_calls import MUCH, bound_pairs, calls_of
 from glossbench.run.kernel_choices import KernelChoices
 from glossbench.run.runner import run_study
 from glossbench.study.study import load_study
@@ -80,6 +80,23 @@ def test_the_work_of_a_kernel_is_that_of_all_cells(study):
     assert work["environment_sampling"] == pytest.approx(4 * 8 * (16**2 + 32**2) * 112 / 144, rel=0.01)
     assert work["reference_light"] == pytest.approx(1024 * (16**2 + 32**2) * 112 / 144, rel=0.01)
     assert max(work.values()) < MUCH
+
+
+def test_the_bound_is_above_the_work_of_each_kernel_and_above_that_of_the_study(study):
+    bound, work = bound_pairs(study.cells(), study.reference), calls_of(study.cells(), study.reference)
+
+    assert sum(each.pairs for each in work) < bound < 100 * sum(each.pairs for each in work)
+
+
+def test_a_short_run_does_not_look_for_its_kernels(study, tmp_path, monkeypatch):
+    looked = []
+    monkeypatch.setattr("glossbench.run.runner.calls_of", lambda *_: looked.append(1) or [])
+
+    for rate in (1e12, 1.0):
+        monkeypatch.setattr("glossbench.run.runner.EAGER_RATE", rate)
+        run_study(study, tmp_path / str(rate))
+
+    assert looked == [1]
 
 
 def test_what_is_ready_is_used_what_pays_is_compiled_and_the_rest_is_eager(tmp_path, cache):
