@@ -15,8 +15,8 @@ WITHIN_NOISE = (
 )
 WITHIN_MARGIN = "the two differ by less than the claim's margin, with certainty"
 INTERVAL = (
-    "in 95 of 100 cases it contains the number that a perfect reference would give; it comes from the replicates of "
-    "the reference and, if a method has several seeds, from their spread"
+    "in 95 of 100 cases it contains the number that a perfect reference would give; it comes from the error of the "
+    "reference and, if a method has several seeds, from their spread"
 )
 FLOOR = (
     "the RMS error is below twice the noise of the reference, so the reference is not accurate enough to measure it; "
