@@ -47,7 +47,7 @@ class Line:
 
 
 def measure(tell: Callable[[str], None]) -> list[Line]:
-    """All measurements, in a minute or two; `tell` is called with the name of each before it begins."""
+    """All measurements; `tell` is called with the name of each before it begins. The first run compiles the kernels."""
     tell("shading kernel")
     lines = _measure_kernels()
     tell("the kernels of all methods")

@@ -87,7 +87,10 @@ def calls_of(
 
 
 def bound_pairs(cells: Iterable[Cell], options: ReferenceOptions) -> float:
-    """Points times samples that cells and their references do not exceed; precomputation does not count."""
+    """Points times samples of cells and their references, from their options alone, rather too many than too few.
+
+    A method without a budget counts as 256 samples. Precomputation and more techniques of a reference do not count.
+    """
     return sum(
         PIXELS**2 * _enlargement(cell.view) * (options.max_samples + SHADE_RUNS * max(_budget(cell), USUAL_SAMPLES))
         for cell in cells

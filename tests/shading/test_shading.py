@@ -282,16 +282,18 @@ def test_face_directions_stay_on_the_device_of_their_coordinates():
     assert {c.device.type for c in d} == {"meta"}
 
 
-@pytest.mark.parametrize(("noise", "warned"), [(0.02, True), (0.005, False)])
-def test_a_reference_that_missed_its_noise_target_is_reported(noise, warned):
-    cells = pandas.DataFrame(
-        [{"reference_key": "a", "reference_noise": noise, "reference_target": 0.01, "reference_mean": 2.0}]
-    )
+@pytest.mark.parametrize(
+    ("method", "noise", "warned"),
+    [("sampling", 0.02, True), ("sampling", 0.014, False), ("summation", 0.02, True), ("summation", 0.014, True),
+     ("summation", 0.01, False), ("", 0.014, True)],
+)  # fmt: skip
+def test_a_reference_that_missed_its_noise_target_is_reported(method, noise, warned):
+    """That of samples, whose halves end by the noise of each other, may be missed by half."""
+    reference = {"reference_noise": noise, "reference_target": 0.01, "reference_mean": 2.0, "reference_method": method}
+    cells = pandas.DataFrame([{"reference_key": "a"} | reference])
 
     with err.capture() as capture:
         warn_of_noise(cells)
 
-    assert (
-        "1 of 1 references stopped at reference.max_samples with noise up to 1 % of the mean; the target was 0.5 %"
-        in capture.get()
-    ) == warned
+    line = "1 of 1 references stopped at reference.max_samples with noise up to"
+    assert (f"{line} {50 * noise:.2g} % of the mean; the target was 0.5 %" in capture.get()) == warned

@@ -60,7 +60,7 @@ def has_compiler() -> bool:
     """Whether there is a C++ compiler; if there is none, a warning of one line says so."""
     compiler = next((c for c in ("g++", "clang++", "c++", "cl") if shutil.which(c)), None)
     if compiler is None:
-        _log.warning("no C++ compiler found: kernels run eagerly, about 8 times slower")
+        _log.warning("no C++ compiler found: kernels run eagerly, 5 to 10 times slower")
     return compiler is not None
 
 
