@@ -17,8 +17,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 demo: $(INSTALLED)  ## Install, run the quickstart study, print its table and the report's path.
 	$(BIN)/glossbench run quickstart
 
-test: $(INSTALLED)  ## All tests, a process for each core.
-	$(BIN)/python -m pytest -n auto --dist loadfile
+test: $(INSTALLED)  ## All tests, a process for each core and one more.
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 test-fast: $(INSTALLED)  ## The tests that take no time, of every part: those that tests/slow.txt does not list.
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"

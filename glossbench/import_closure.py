@@ -1,6 +1,7 @@
 """The files that a module consists of: its own, and all that it imports at any depth, from plug-ins and glossbench."""
 
 import hashlib
+import os
 import sys
 import sysconfig
 from collections.abc import Iterator
@@ -55,13 +56,13 @@ def find_local_files(module: str, file: Path) -> dict[str, Path]:
     if depth:
         outermost = file.parents[depth - 1]
         found |= {_name(path, outermost.parent): path for path in sorted(outermost.rglob("*.py"))}
-    waiting = list(found.items())
+    waiting, places = list(found.items()), _Places()
     while waiting:
         module, file = waiting.pop()
         package = _find_package(module, file)
         root = file.parents[module.count(".") + (package == module)]
         for imported in read_source(file, package).imports:
-            for each, path in _resolve(imported.dotted, root):
+            for each, path in places.resolve(imported.dotted, root):
                 if each not in found:
                     found[each] = path
                     waiting.append((each, path))
@@ -88,18 +89,39 @@ def _name(path: Path, place: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def _resolve(name: str, root: Path) -> Iterator[tuple[str, Path]]:
-    """The files of a dotted name and of the packages that contain it, if they are not installed."""
-    parts = name.split(".")
-    if parts[0] in sys.stdlib_module_names or parts[0] == "glossbench":
-        return
-    places = [root, *(Path(place) for place in sys.path if place and not is_installed(Path(place)))]
-    for place in places:
-        files = [(".".join(parts[:i]), _find_file(place.joinpath(*parts[:i]))) for i in range(1, len(parts) + 1)]
-        known = [(each, file) for each, file in files if file is not None]
-        if known:
-            yield from known
+class _Places:
+    """Where the modules of plug-ins are: a root, then the folders of sys.path that hold no installed modules.
+
+    The names in a folder are read once, because most imported names are in none of them.
+    """
+
+    def __init__(self) -> None:
+        paths = [Path(place) for place in sys.path if place]
+        self._places = [place for place in paths if not is_installed(place)]
+        self._names: dict[Path, set[str]] = {}
+
+    def resolve(self, name: str, root: Path) -> Iterator[tuple[str, Path]]:
+        """The files of a dotted name and of the packages that contain it, if they are not installed."""
+        parts = name.split(".")
+        if parts[0] in sys.stdlib_module_names or parts[0] == "glossbench":
             return
+        for place in (root, *self._places):
+            if parts[0] not in self._list_names(place):
+                continue
+            files = [(".".join(parts[:i]), _find_file(place.joinpath(*parts[:i]))) for i in range(1, len(parts) + 1)]
+            known = [(each, file) for each, file in files if file is not None]
+            if known:
+                yield from known
+                return
+
+    def _list_names(self, place: Path) -> set[str]:
+        """The names of a folder's modules and packages; none of a place that cannot be read."""
+        if place not in self._names:
+            try:
+                self._names[place] = {entry.partition(".")[0] for entry in os.listdir(place)}
+            except OSError:
+                self._names[place] = set()
+        return self._names[place]
 
 
 def _find_file(stem: Path) -> Path | None:

@@ -1,6 +1,7 @@
 """Fixtures that more than one test module asks for."""
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
@@ -38,9 +39,19 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with many slow tests come first, so that no worker is left with one of them at the end."""
+    n_slow: Counter[Path] = Counter()
     for item in items:
         if _is_slow(item.nodeid.removeprefix("tests/")):
             item.add_marker(pytest.mark.slow)
+            n_slow[item.path] += 1
+    items.sort(key=lambda item: -n_slow[item.path])
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than cores: tests wait for a browser, for other processes and for time limits."""
+    return (os.cpu_count() or 1) + 1
 
 
 @pytest.hookimpl(wrapper=True)

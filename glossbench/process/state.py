@@ -5,6 +5,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
+from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -187,21 +188,22 @@ def guarded(cls: type) -> AbstractContextManager[None]:
     return ProcessRestorer(cls.__name__) if is_foreign(cls) else nullcontext()
 
 
-def _find_owners() -> Iterator[ModuleType | type]:
+def _find_owners() -> tuple[ModuleType | type, ...]:
     """Modules and classes whose members must not change: those that this package calls, and its own."""
     loaded = dict(sys.modules)
-    yield from (loaded[name] for name in _CALLED if isinstance(loaded.get(name), ModuleType))
-    yield from _find_ours()
-    for module in _find_ours():
-        yield from (v for v in dict(vars(module)).values() if isinstance(v, type) and v.__module__ == module.__name__)
-    for path in _CLASSES:
-        module_name, _, name = path.rpartition(".")
-        cls = getattr(sys.modules.get(module_name), name, None)
-        if isinstance(cls, type):
-            yield cls
+    called = [loaded[name] for name in _CALLED if isinstance(loaded.get(name), ModuleType)]
+    ours = [module for name, module in loaded.items() if name == "glossbench" or name.startswith("glossbench.")]
+    return _add_classes((*called, *ours), len(called))
 
 
-def _find_ours() -> list[ModuleType]:
-    return [
-        module for name, module in dict(sys.modules).items() if name == "glossbench" or name.startswith("glossbench.")
+@lru_cache(maxsize=1)  # the walk over all members takes milliseconds, for each cell of a plug-in several times
+def _add_classes(modules: tuple[ModuleType, ...], n_called: int) -> tuple[ModuleType | type, ...]:
+    """The modules, the classes that those after the first `n_called` define, and those of `_CLASSES`."""
+    own = [
+        member
+        for module in modules[n_called:]
+        for member in dict(vars(module)).values()
+        if isinstance(member, type) and member.__module__ == module.__name__
     ]
+    called = [getattr(sys.modules.get(path.rpartition(".")[0]), path.rpartition(".")[2], None) for path in _CLASSES]
+    return (*modules, *own, *(cls for cls in called if isinstance(cls, type)))

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import cache
+from functools import cache, lru_cache
 from hashlib import file_digest, sha256
 from pathlib import Path
 from time import time
@@ -92,16 +92,23 @@ def key_of(kernel: Kernel, form: Form, tensors: Sequence[Tensor], part: str) -> 
     """
     if kernel.place is None:
         return None
-    modules = {kernel.place[0], COMPILER, *(cls.__module__ for cls in classes_of(form))} - {"builtins"}
+    types = tuple([(t.dtype, t.device.type, *[n == 1 for n in t.shape]) for t in tensors])
+    return _hash_call(kernel.place, part, form, text_of(form), types, target())
+
+
+@lru_cache(maxsize=1024)  # the text, too, because equal forms may differ: 0.0 and -0.0
+def _hash_call(
+    place: tuple[str, str], part: str, form: Form, text: str, types: tuple[Any, ...], compiled_for: str
+) -> str | None:
+    modules = {place[0], COMPILER, *(cls.__module__ for cls in classes_of(form))} - {"builtins"}
     source = _source(frozenset(modules))
-    types = [(str(t.dtype), t.device.type, t.ndim, [i for i, n in enumerate(t.shape) if n == 1]) for t in tensors]
-    stated = [*kernel.place, part, source, text_of(form), types, target()]
+    stated = [*place, part, source, text, types, compiled_for]
     return sha256(repr(stated).encode()).hexdigest()[:20] if source else None
 
 
 def find(key: str, tensors: Sequence[Tensor]) -> Artefact | None:
     """The artefact of a key that takes tensors of these sizes. A damaged one is passed over, and a warning says so."""
-    for path in sorted(folder().glob(f"*.{key}.*.json")):
+    for path in _list_facts(*state()).get(key, ()):
         artefact = _read(path)
         if artefact is None or not artefact.takes(tensors):
             continue
@@ -111,6 +118,24 @@ def find(key: str, tensors: Sequence[Tensor]) -> Artefact | None:
             return artefact
         warn_of(path)
     return None
+
+
+def state() -> tuple[Path, int]:
+    """The folder, and the time of the last change of what is in it; what was read from it is valid until then."""
+    place = folder()
+    try:
+        return place, place.stat().st_mtime_ns
+    except OSError:  # it is not there
+        return place, 0
+
+
+@lru_cache(maxsize=1)  # a run looks for its kernels at each call, and others seldom write
+def _list_facts(place: Path, changed: int) -> dict[str, list[Path]]:
+    """The files of facts, by key."""
+    found: dict[str, list[Path]] = {}
+    for path in sorted(place.glob("[!.]*.*.*.json")):
+        found.setdefault(path.name.split(".")[-3], []).append(path)
+    return found
 
 
 def library_of(artefact: Artefact) -> Path:

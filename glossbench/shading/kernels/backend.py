@@ -128,7 +128,8 @@ def is_ready(call: Call) -> bool:
 def pays(call: Call) -> bool:
     """Whether compiling a call takes less time than running it eagerly."""
     rate = EAGER_RATE if call.is_on_cpu else 100 * EAGER_RATE  # the second is a guess
-    return call.pairs / rate > compile_seconds() and has_compiler()
+    seconds = call.pairs / rate
+    return seconds > 1 and seconds > compile_seconds() and has_compiler()  # no compilation takes less than a second
 
 
 _choose: Choose = lambda call: is_ready(call) or pays(call)  # noqa: E731

@@ -8,7 +8,8 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 from torch import Tensor
@@ -51,6 +52,11 @@ class Call(NamedTuple):
 
 def compile_seconds() -> float:
     """Processor seconds that a compilation takes: the mean of those in the cache."""
+    return _mean_seconds(*artefacts.state())
+
+
+@lru_cache(maxsize=1)
+def _mean_seconds(place: Path, changed: int) -> float:
     found = [artefact.seconds for artefact in artefacts.every()]
     return sum(found) / len(found) if found else SECONDS
 
