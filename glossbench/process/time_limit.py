@@ -29,7 +29,8 @@ def time_limit(seconds: float, give_up: Callable[[], None]) -> Iterator[None]:
             finally:
                 os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
     if sys.__stderr__ is not None:
         faulthandler.dump_traceback_later(seconds + 2 * GRACE, exit=True, file=sys.__stderr__)
     try:
@@ -37,6 +38,7 @@ def time_limit(seconds: float, give_up: Callable[[], None]) -> Iterator[None]:
             yield
     finally:
         done.set()
+        watcher.join()  # a thread that was started among plug-ins must not look like one of theirs (leftovers.leave)
         faulthandler.cancel_dump_traceback_later()
 
 

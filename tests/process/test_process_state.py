@@ -24,6 +24,7 @@ from torch.overrides import TorchFunctionMode
 
 from glossbench.digests import compute_digest
 from glossbench.process.state import ProcessRestorer
+from glossbench.process.time_limit import time_limit
 from glossbench.shading.costs import Timing, time_work
 from glossbench.shading.method import METHODS, Method
 
@@ -129,11 +130,21 @@ def test_threads_that_are_left_do_not_keep_the_process_alive():
     assert not other.daemon
 
 
+def test_the_watch_over_a_time_limit_is_not_left():
+    """A command that ended right after the block took such a thread for one of the plug-in."""
+    for _ in range(50):
+        with ProcessRestorer("mine"), time_limit(60, lambda: None):
+            pass
+
+        assert not [thread for thread in threading.enumerate() if "is_of_plugin" in vars(thread)]
+
+
 LEFT = """
 import os, subprocess, sys, threading, time
 from concurrent.futures import ThreadPoolExecutor
 from glossbench.process.leftovers import find_children, end_children, leave
 from glossbench.process.state import ProcessRestorer
+from glossbench.process.time_limit import time_limit
 running = find_children()
 with ProcessRestorer("mine"):
     ThreadPoolExecutor().submit(time.sleep, 1000)
