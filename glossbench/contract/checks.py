@@ -69,13 +69,16 @@ class Outcome:
 
 
 def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outcome]]:
-    """Decorator that turns (kept, measured) into an Outcome, and an exception into a broken Outcome."""
+    """Decorator that turns (kept, measured) into an Outcome, and an exception into a broken Outcome.
+
+    A check may be given stages that other checks of the method computed.
+    """
 
     def decorate(function: Callable[..., Measured]) -> Callable[..., Outcome]:
         @wraps(function)
-        def run(*args: Any) -> Outcome:
+        def run(method: Method, kept: StageCache | None = None, **others: Any) -> Outcome:
             try:
-                return Outcome(name, *function(*args))
+                return Outcome(name, *function(method, kept or StageCache(), **others))
             except (Exception, SystemExit) as error:  # a plug-in may raise anything
                 return Outcome(name, False, summarize_error(error), locate_error(error))
 
@@ -85,14 +88,14 @@ def _check(name: str) -> Callable[[Callable[..., Measured]], Callable[..., Outco
 
 
 @_check("furnace")
-def check_furnace(method: Method) -> Measured:
+def check_furnace(method: Method, kept: StageCache) -> Measured:
     """Under constant light, the image is the light times the directional albedo; RMS error / mean, worst material."""
     accurate, points, light = (
         with_all_budget(make_accurate(method)),
         build_general_points(),
         Constant(radiance=(2.5, 2.5, 2.5)).cubemap(),
     )
-    errors, kept = {}, StageCache()
+    errors = {}
     for material in select_supported(method, FURNACE_MATERIALS):
         expected = 2.5 * material.albedo(points.wo_local())
         errors[label_material(material)] = _compute_relative_error(
@@ -109,12 +112,12 @@ def check_furnace(method: Method) -> Measured:
 
 
 @_check("linear in the light")
-def check_linear(method: Method) -> Measured:
+def check_linear(method: Method, kept: StageCache) -> Measured:
     """The image of a sum of lights is the sum of their images; three times the light gives three times the image."""
     if not method.contract.linear:
         return None, "not claimed"
     material, points = choose_material(method), build_general_points()
-    one, two, kept = build_spots(3), build_spots(4), StageCache()
+    one, two = build_spots(3), build_spots(4)
     a, b, total, triple = (
         Shader(method, CubeMap(faces, key), material, kept)(points).double()
         for key, faces in (
@@ -129,7 +132,7 @@ def check_linear(method: Method) -> Measured:
 
 
 @_check("turns with light and surface")
-def check_turns(method: Method) -> Measured:
+def check_turns(method: Method, kept: StageCache) -> Measured:
     """Light and points turned by 90 degrees about x, y and z give the same image; RMS change / mean."""
     accurate, material, points, light = (
         with_all_budget(method),
@@ -137,7 +140,6 @@ def check_turns(method: Method) -> Measured:
         build_general_points(),
         build_spots(3),
     )
-    kept = StageCache()
     image = Shader(accurate, light, material, kept)(points)
     changes = {}
     for axis in range(3):
@@ -151,7 +153,7 @@ def check_turns(method: Method) -> Measured:
 
 
 @_check("converges")
-def check_converges(method: Method, truth: Truth | None = None) -> Measured:
+def check_converges(method: Method, kept: StageCache, truth: Truth | None = None) -> Measured:
     """The fitted slope of log(RMS error against the reference) over log(samples)."""
     contract = method.contract
     if contract.slope is None or contract.budget is None:
@@ -164,7 +166,7 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
     samples, errors = [], []
     for value in values:
         budgeted = replace(accurate, **{option: value})
-        image = Shader(budgeted, truth.light, truth.material)(truth.points)
+        image = Shader(budgeted, truth.light, truth.material, kept)(truth.points)
         samples.append(budgeted.n_samples(truth.material))
         errors.append(_compute_relative_error(image, truth.reference.radiance[0]))
         # Below twice the noise of the reference, an error cannot be measured.
@@ -183,14 +185,14 @@ def check_converges(method: Method, truth: Truth | None = None) -> Measured:
 
 
 @_check("finite on hard inputs")
-def check_finite(method: Method) -> Measured:
+def check_finite(method: Method, kept: StageCache) -> Measured:
     """The image is finite at grazing views, with the widest and narrowest lobes, and exactly zero under a black map."""
     lights = {
         "a black map": CubeMap(torch.zeros(6, 16, 16, 3), "black"),
         "one lit texel": SingleTexel(resolution=16, radiance=(1e5, 1e5, 1e5)).cubemap(),
         "contrast 1e5": Spots(resolution=16, contrast=1e5).cubemap(),
     }
-    points, n, kept = build_hard_points(), 0, StageCache()
+    points, n = build_hard_points(), 0
     for label, light in lights.items():
         for material in select_supported(method, HARD_MATERIALS):
             image = Shader(method, light, material, kept)(points)
@@ -204,21 +206,21 @@ def check_finite(method: Method) -> Measured:
 
 
 @_check("same for any chunking")
-def check_chunks(method: Method) -> Measured:
+def check_chunks(method: Method, kept: StageCache) -> Measured:
     """Points shaded in pieces of odd sizes have the same radiance as points shaded at once."""
-    return _shade_in_pieces(method, [1, 2, 3, 7, 61, 5, 1])
+    return _shade_in_pieces(method, kept, [1, 2, 3, 7, 61, 5, 1])
 
 
 @_check("batch is one by one")
-def check_one_by_one(method: Method) -> Measured:
+def check_one_by_one(method: Method, kept: StageCache) -> Measured:
     """Points shaded one by one have the same radiance as points shaded at once."""
-    return _shade_in_pieces(method, [1] * 40)
+    return _shade_in_pieces(method, kept, [1] * 40)
 
 
-def _shade_in_pieces(method: Method, sizes: list[int]) -> Measured:
+def _shade_in_pieces(method: Method, kept: StageCache, sizes: list[int]) -> Measured:
     """Compare points shaded in pieces of these sizes with all points shaded at once."""
     points = build_general_points(sum(sizes))
-    shader = Shader(method, build_spots(3), choose_material(method))
+    shader = Shader(method, build_spots(3), choose_material(method), kept)
     whole = shader(points)
     stops = np.cumsum(sizes).tolist()
     pieces = [shader(select_points(points, stop - size, stop)) for size, stop in zip(sizes, stops, strict=True)]
@@ -227,9 +229,9 @@ def _shade_in_pieces(method: Method, sizes: list[int]) -> Measured:
 
 
 @_check("shape and type")
-def check_shape(method: Method) -> Measured:
+def check_shape(method: Method, kept: StageCache) -> Measured:
     """P points give radiance of shape (P, 3), float32."""
-    shader = Shader(method, build_spots(3), choose_material(method))
+    shader = Shader(method, build_spots(3), choose_material(method), kept)
     for n in (5, 1):
         image = shader(build_general_points(n))
         if not isinstance(image, Tensor):
@@ -241,10 +243,10 @@ def check_shape(method: Method) -> Measured:
 
 
 @_check("pure")
-def check_pure(method: Method) -> Measured:
+def check_pure(method: Method, kept: StageCache) -> Measured:
     """The same call gives the same bytes, with the same stages and with new ones, and writes into no argument."""
     material, points, light = choose_material(method), build_general_points(), build_spots(3)
-    shader = Shader(method, light, material)
+    shader = Shader(method, light, material, kept)
     images = [shader(points).clone(), shader(points).clone(), Shader(method, light, material)(points)]
     if not torch.equal(light.faces, build_spots(3).faces):
         return False, "writes into the light"
@@ -260,10 +262,10 @@ def check_pure(method: Method) -> Measured:
 
 
 @_check("says what it cannot show")
-def check_supports(method: Method) -> Measured:
+def check_supports(method: Method, kept: StageCache) -> Measured:
     """`supports` returns None or a reason for any material and scene, and the method can shade what it supports."""
     materials = [*make_registered_materials(), *FURNACE_MATERIALS, *GENERAL_MATERIALS, *HARD_MATERIALS]
-    reasons, n, light, kept = [], 0, build_spots(3), StageCache()
+    reasons, n, light = [], 0, build_spots(3)
     for scene in (UnitSphere(), UnknownScene()):
         for material in materials:
             reason = method.supports(material, scene)

@@ -22,6 +22,7 @@ from glossbench.plugins import NoSuchModule, import_plugin
 from glossbench.process.state import ProcessRestorer, guarded
 from glossbench.process.surroundings import settled
 from glossbench.shading.method import METHODS, Method
+from glossbench.shading.stage_cache import StageCache
 
 CHECKS: tuple[Callable[..., Outcome], ...] = (
     check_furnace,
@@ -50,11 +51,11 @@ def check_contract(name: str, tell: Callable[[str], None] = lambda text: None) -
     methods = _make_methods(name)
     outcomes = []
     for method in methods:
-        prefix = f"{method.name}: " if len(methods) > 1 else ""
+        prefix, kept = f"{method.name}: " if len(methods) > 1 else "", StageCache()
         for check in CHECKS:
             tell(f"{method.name}: {check.__name__.removeprefix('check_').replace('_', ' ')}")
             with guarded(type(method)):
-                outcome = check(method)
+                outcome = check(method, kept)
             outcomes.append(replace(outcome, check=prefix + outcome.check))
     return outcomes
 

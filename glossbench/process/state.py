@@ -82,9 +82,10 @@ class ProcessRestorer:
 
         Plug-ins may change and are loaded again.
         """
-        for name, module in self._modules.items():
+        for name in self._modules.keys() - sys.modules.keys():
+            module = self._modules[name]
             file = getattr(module, "__file__", None)
-            if name not in sys.modules and (not isinstance(file, str) or is_installed(Path(file))):
+            if not isinstance(file, str) or is_installed(Path(file)):
                 sys.modules[name] = module
         for registry, classes in self._registered:
             for name, cls in classes.items():
@@ -192,7 +193,7 @@ def _find_owners() -> tuple[ModuleType | type, ...]:
     """Modules and classes whose members must not change: those that this package calls, and its own."""
     loaded = dict(sys.modules)
     called = [loaded[name] for name in _CALLED if isinstance(loaded.get(name), ModuleType)]
-    ours = [module for name, module in loaded.items() if name == "glossbench" or name.startswith("glossbench.")]
+    ours = [module for name, module in loaded.items() if name.startswith("glossbench") and name[10:11] in ("", ".")]
     return _add_classes((*called, *ours), len(called))
 
 

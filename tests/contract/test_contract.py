@@ -1,5 +1,6 @@
 """The contract: every method keeps it, and each check turns red on a method with a planted fault."""
 
+from collections import defaultdict
 from dataclasses import replace
 from math import pi
 
@@ -41,6 +42,7 @@ from glossbench.envmap.lights.synthetic import Gradient
 from glossbench.errors import InputError
 from glossbench.shading.image import shade
 from glossbench.shading.method import METHODS, Contract, Method, stage
+from glossbench.shading.stage_cache import StageCache
 
 Sound = METHODS.get("importance_sampling")
 OWN = [name for name in METHODS.names() if METHODS.get(name).__module__.startswith("glossbench.methods.")]
@@ -51,18 +53,24 @@ def truth():
     return build_truth(Sound())
 
 
+@pytest.fixture(scope="module")
+def kept():
+    """By name of a method, the stages that its checks share, as in `check_contract`."""
+    return defaultdict(StageCache)
+
+
 @pytest.mark.parametrize("check", [c for c in CHECKS if c is not check_converges], ids=lambda c: c.__name__)
 @pytest.mark.parametrize("name", OWN)
-def test_every_method_keeps(name, check):
-    check_kept(as_checked(name), check)
+def test_every_method_keeps(name, check, kept):
+    check_kept(as_checked(name), check, kept=kept[name])
 
 
 @pytest.mark.parametrize("name", OWN)
 def test_every_method_converges_as_it_claims(name, truth):
-    check_kept(as_checked(name), check_converges, truth)
+    check_kept(as_checked(name), check_converges, truth=truth)
 
 
-def check_kept(method, check, *truth):
+def check_kept(method, check, **given):
     """A check is kept, or is not judged because the contract does not claim it; nothing else excuses a method."""
     contract = method.contract
     is_claimed = {
@@ -70,7 +78,7 @@ def check_kept(method, check, *truth):
         check_converges: contract.slope is not None and contract.budget is not None,
     }.get(check, True)
 
-    outcome = check(method, *truth)
+    outcome = check(method, **given)
 
     assert outcome.kept is (True if is_claimed else None), outcome
 
@@ -292,7 +300,7 @@ def test_goes_red(check, fault):
     [AlphaSquared, IgnoresTheBudget, SaysOneCount, StuckOnABias, SquareOfTheLight, TangentOfTheWorld],
 )
 def test_convergence_goes_red(fault, truth):
-    outcome = check_converges(fault(), truth)
+    outcome = check_converges(fault(), truth=truth)
 
     assert outcome.kept is False, outcome
 
@@ -302,7 +310,7 @@ def test_the_twin_without_a_fault_is_green_everywhere(truth):
         def shade(self, points, material, texels, irradiance):
             return super().shade(points, material, texels, irradiance)
 
-    outcomes = [c(Faultless(), truth) if c is check_converges else c(Faultless()) for c in CHECKS]
+    outcomes = [c(Faultless(), truth=truth) if c is check_converges else c(Faultless()) for c in CHECKS]
 
     assert [o.kept for o in outcomes] == [True] * len(CHECKS), outcomes
 
@@ -332,14 +340,14 @@ def test_what_is_not_claimed_is_not_judged(truth):
         contract = Contract(linear=False)
 
     assert check_linear(ClaimsLittle()).kept is None
-    assert check_converges(ClaimsLittle(), truth).kept is None
+    assert check_converges(ClaimsLittle(), truth=truth).kept is None
 
 
 def test_a_budget_that_is_not_an_option_breaks_a_claimed_slope(truth):
     class Misspelt(Sound):
         contract = Contract(budget=("sampels", (16, 64)), slope=-0.5)
 
-    outcome = check_converges(Misspelt(), truth)
+    outcome = check_converges(Misspelt(), truth=truth)
 
     assert outcome.kept is False
     assert outcome.measured == "the contract's budget is 'sampels', which is not an option"
@@ -350,7 +358,7 @@ def test_a_method_at_the_noise_floor_converges(truth):
         def shade(self, points, material, texels, irradiance):
             return truth.reference.radiance[0].float()
 
-    outcome = check_converges(Knows(), truth)
+    outcome = check_converges(Knows(), truth=truth)
 
     assert outcome == Outcome("converges", True, "at the noise floor with 16 samples already")
 
@@ -384,9 +392,9 @@ def test_the_furnace_and_convergence_use_the_options_of_the_contract(truth):
         contract = Contract(furnace=1e-3, budget=BUDGET, slope=-0.5)
 
     assert check_furnace(CutOff()).kept
-    assert check_converges(CutOff(), truth).kept
+    assert check_converges(CutOff(), truth=truth).kept
     assert check_furnace(StaysCutOff()).kept is False
-    assert check_converges(StaysCutOff(), truth).kept is False
+    assert check_converges(StaysCutOff(), truth=truth).kept is False
 
 
 # The checks' own tools.
