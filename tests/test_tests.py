@@ -2,7 +2,7 @@
 
 import ast
 from collections import defaultdict
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -146,10 +146,12 @@ def test_a_private_name_is_noticed(source):
 # Tests that can fail.
 
 
-def functions(source: str) -> Iterator[ast.FunctionDef]:
-    return (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef))
+@cache
+def functions(source: str) -> list[ast.FunctionDef]:
+    return [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
 
 
+@cache
 def calls(function: ast.FunctionDef) -> set[str]:
     """Last names of what a function calls."""
     return {ast.unparse(n.func).split(".")[-1] for n in ast.walk(function) if isinstance(n, ast.Call)}
@@ -206,17 +208,21 @@ def test_a_check_that_another_function_makes_counts():
 
 
 LISTED = [line for line in (TESTS / "slow.txt").read_text().splitlines() if line and line[0] != "#"]
-EVERY_TEST = {
-    f"{path.as_posix()}::{function.name}"
-    for path, source in SOURCES.items()
-    for function in functions(source)
-    if function.name.startswith("test_")
-}
+
+
+@cache
+def every_test() -> set[str]:
+    return {
+        f"{path.as_posix()}::{function.name}"
+        for path, source in SOURCES.items()
+        for function in functions(source)
+        if function.name.startswith("test_")
+    }
 
 
 def unknown(listed: list[str]) -> list[str]:
     """Lines that name neither a file of tests nor a test."""
-    return sorted(set(listed) - EVERY_TEST - {name.partition("::")[0] for name in EVERY_TEST})
+    return sorted(set(listed) - every_test() - {name.partition("::")[0] for name in every_test()})
 
 
 def test_what_is_left_out_of_the_fast_tier_exists():
@@ -231,8 +237,8 @@ def test_a_line_that_names_no_test_is_noticed():
 
 def rooms_left_out(listed: list[str]) -> set[str]:
     """Folders of tests that have none in the fast tier."""
-    fast = {name for name in EVERY_TEST if name not in listed and name.partition("::")[0] not in listed}
-    return {str(Path(name).parent) for name in EVERY_TEST} - {str(Path(name).parent) for name in fast}
+    fast = {name for name in every_test() if name not in listed and name.partition("::")[0] not in listed}
+    return {str(Path(name).parent) for name in every_test()} - {str(Path(name).parent) for name in fast}
 
 
 def test_the_fast_tier_has_tests_of_every_room():
@@ -240,4 +246,4 @@ def test_the_fast_tier_has_tests_of_every_room():
 
 
 def test_a_room_that_is_left_out_is_noticed():
-    assert rooms_left_out([name for name in EVERY_TEST if name.startswith("truth/")]) == {"truth"}
+    assert rooms_left_out([name for name in every_test() if name.startswith("truth/")]) == {"truth"}

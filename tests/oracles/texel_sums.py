@@ -115,9 +115,9 @@ def gauss_light(faces, order, splits=()):
     return points / distance, weighted
 
 
-def gauss_sum(glossy, faces, order=4):
+def gauss_sum(glossy, light, order=6):
     """Radiance (P, 3) of the view's pixels, by Gauss quadrature."""
-    d, weighted = (each.reshape(-1, 3) for each in gauss_light(faces, order))
+    d, weighted = (each.reshape(-1, 3) for each in gauss_light(light.faces.double().numpy(), order))
     image = []
     for frame in pixels():
         wi = d @ frame.T
