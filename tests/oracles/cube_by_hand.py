@@ -1,6 +1,7 @@
 """The cube of a light by its own words: the table of its faces, and the bilinear interpolant over its borders."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 # The face table of the cube's convention: normal, to the right, down.
 FACES = np.array(
@@ -34,12 +35,17 @@ def with_border(faces):
     padded[:, 1:-1, 1:-1] = faces
     for face in range(6):
         others = [k for k in range(6) if k != face]
-        d, colors = points[others].reshape(-1, 3), faces[others].reshape(-1, 3)
-        for i, s in enumerate(centres(r)):
-            places = {(0, i + 1): (s, -1), (-1, i + 1): (s, 1), (i + 1, 0): (-1, s), (i + 1, -1): (1, s)}
-            for place, (a, b) in places.items():
-                edge = FACES[face, 0] + a * FACES[face, 1] + b * FACES[face, 2]
-                padded[(face, *place)] = colors[np.argmin(((d - edge) ** 2).sum(1))]
+        near, colors = cKDTree(points[others].reshape(-1, 3)), faces[others].reshape(-1, 3)
+        (n, right, down), along = FACES[face], centres(r)[:, None]
+        padded[face, 0, 1:-1], padded[face, -1, 1:-1], padded[face, 1:-1, 0], padded[face, 1:-1, -1] = (
+            colors[near.query(edge)[1]]
+            for edge in (
+                n + along * right - down,
+                n + along * right + down,
+                n - right + along * down,
+                n + right + along * down,
+            )
+        )
         for y, x, ny, nx in ((0, 0, 1, 1), (0, -1, 1, -2), (-1, 0, -2, 1), (-1, -1, -2, -2)):
             padded[face, y, x] = (padded[face, ny, nx] + padded[face, y, nx] + padded[face, ny, x]) / 3
     return padded

@@ -26,16 +26,16 @@ def interpolant(faces):
     r, padded = faces.shape[1], with_border(faces)
 
     def radiance(d):
-        along = d @ FACES[:, 0].T
-        face = along.argmax(-1)
-        place = [(np.einsum("...k,...k", d, FACES[face, k]) / along.max(-1) + 1) * r / 2 + 0.5 for k in (2, 1)]
-        (row, column), (v, u) = ([p.astype(int) for p in place], [p % 1 for p in place])
-        taps = [
-            padded[face, row + y, column + x] * ((v if y else 1 - v) * (u if x else 1 - u))[..., None]
-            for y in (0, 1)
-            for x in (0, 1)
-        ]
-        return sum(taps)
+        along = d.reshape(-1, 3) @ FACES[:, 0].T
+        face, found = along.argmax(-1), np.empty((len(along), 3))
+        for k, (_, *axes) in enumerate(FACES):
+            on = np.flatnonzero(face == k)
+            u, v = ((d.reshape(-1, 3)[on] @ axis / along[on, k] + 1) * r / 2 + 0.5 for axis in axes)
+            column, row = u.astype(int), v.astype(int)
+            u, v = (u - column)[:, None], (v - row)[:, None]
+            upper, lower = (padded[k, y, column] * (1 - u) + padded[k, y, column + 1] * u for y in (row, row + 1))
+            found[on] = upper * (1 - v) + lower * v
+        return found.reshape(d.shape)
 
     return radiance
 

@@ -58,7 +58,7 @@ def theirs(material, light):
 def ours(material, light):
     """Radiance and standard error (P, 3)."""
     name, options = material
-    truth = compute_reference(light, gb.material(name, **options), VIEW, 3e-3, method="sampling")
+    truth = compute_reference(light, gb.material(name, **options), VIEW, 1e-2, method="sampling")
     return truth.radiance[truth.mask].numpy(), truth.standard_error[truth.mask].numpy()
 
 
@@ -78,7 +78,7 @@ def test_reference_of_a_sphere_is_the_image_of_mitsuba(material, light, request)
 
     radiance, standard_error = ours(MATERIALS[material][0], light_of(light))
 
-    # Median error of a pixel: Mitsuba's 1.8 % to 7.0 %, ours at most 0.35 %. Largest |z| 4.0, z^2 0.86 to 1.14
+    # Median error of a pixel: Mitsuba's 1.8 % to 7.1 %, ours 0.3 % to 0.9 %. Largest |z| 3.9, z^2 0.86 to 1.14.
     check_agreement(radiance, standard_error, theirs(material, light), len(CASES))
 
 
