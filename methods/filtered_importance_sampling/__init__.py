@@ -99,7 +99,7 @@ class FilteredImportanceSampling(Method):
             hdrp alpha, here the geometric mean of both widths of the lobe, and 1 for the diffuse part.
         kernel: p in l: "point", p at the sample; "stratum", the mean of p over the cone about the sample in which its
             integral is 1 / N, by two rounds of omega = 1 / (N p) from p at five directions. It is our adaptation
-            of the idea of Tokuyoshi 2016, who solves it for the squares of a reflective shadow map.
+            of the idea of Tokuyoshi, who solves it for the squares of a reflective shadow map.
         mip_bias: number of levels to add to l.
         mip_filter: filter of the pyramid.
         projection: projection of the light: the dual paraboloid of the paper, or a cube with seamless edges.
@@ -122,8 +122,8 @@ class FilteredImportanceSampling(Method):
         seed: seed of random points and of the scrambling of Sobol's.
 
     Source: Krivanek and Colbert 2008, sections 4.2, 5.1 and 5.2. Differs: shadow rays instead of shadow maps, and
-    smoothing in the image, within the outline of the surface, instead of in the texture of the surface. Samplers, Heitz 2018; Dupuy and Benyoub
-    2023; Eto and Tokuyoshi 2023.
+    smoothing in the image, within the outline of the surface, instead of in the texture of the surface. Samplers, Heitz
+    2018; Dupuy and Benyoub 2023; Eto and Tokuyoshi 2023. The kernel of a stratum, after Tokuyoshi 2016.
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 20)] = 40
