@@ -41,7 +41,7 @@ class Case(NamedTuple):
         bound: the bound with which the number is compared.
         found: the number that decides: a ratio, a slope or a value.
         seeds: number of seeds of random points on each side; 0 if none are random.
-        reading: the values of the claim's options `by`, in words.
+        reading: the values of the claim's options `by`, each with its name, in words.
     """
 
     where: str
@@ -51,7 +51,7 @@ class Case(NamedTuple):
     found: Estimate
     verdict: str
     seeds: tuple[int, ...]
-    reading: str = ""
+    reading: tuple[str, ...] = ()
 
     def as_numbers(self) -> dict[str, Any]:
         """The case as JSON types; `low` and `high` are the 95 % interval of `value`."""

@@ -33,22 +33,27 @@ def _decide(cases: Sequence[Case]) -> str:
 
 
 def describe_readings(cases: Sequence[Case]) -> list[str]:
-    """By verdict, the readings of a claim that have it: "Does not hold by points hammersley (1.02 to 1.31)".
+    """By verdict, the readings of a claim that have it: "Holds by k 1: points r2 (0.36 to 0.4), halton (0.5 to 0.53)".
 
-    In brackets are the lowest and the highest number of the cases of the reading.
+    Readings that differ in the last option alone are together. In brackets are the lowest and the highest number of the
+    cases of the reading.
     """
-    readings: dict[str, list[Case]] = {}
+    readings: dict[tuple[str, ...], list[Case]] = {}
     for case in cases:
-        readings.setdefault(case.reading, []).append(case)
-    if set(readings) <= {""}:
-        return []
-    told: dict[str, list[str]] = {}
-    for reading, of_reading in readings.items():
+        if case.reading:
+            readings.setdefault(case.reading, []).append(case)
+    told: dict[str, dict[str, list[str]]] = {}
+    for (*first, last), of_reading in readings.items():
         numbers = sorted(case.found.value for case in of_reading)
-        ends = dict.fromkeys(f"{number:.3g}" for number in (numbers[0], numbers[-1]))
-        told.setdefault(_decide(of_reading), []).append(f"{reading} ({' to '.join(ends)})")
-    order = (HOLDS, FAILS, EQUAL, NOISE)
-    return [f"{verdict.capitalize()} by {'; '.join(told[verdict])}" for verdict in order if verdict in told]
+        ends = " to ".join(dict.fromkeys(f"{number:.3g}" for number in (numbers[0], numbers[-1])))
+        alike = told.setdefault(_decide(of_reading), {}).setdefault(", ".join(first), [])
+        name, _, value = last.partition(" ")
+        alike.append(f"{value if alike else f'{name} {value}'} ({ends})")
+    found = []
+    for verdict in (HOLDS, FAILS, EQUAL, NOISE):
+        groups = [": ".join(filter(None, (first, ", ".join(last)))) for first, last in told.get(verdict, {}).items()]
+        found += [f"{verdict.capitalize()} by {'; '.join(groups)}"] if groups else []
+    return found
 
 
 def describe_span(cases: Sequence[Numbers]) -> str:

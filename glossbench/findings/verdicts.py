@@ -138,7 +138,7 @@ class _Table:
 
     def _pair_cells(
         self, claim: LowerClaim | RatioClaim, picked: list[list[Row]], notes: Counter[str]
-    ) -> Iterator[tuple[Side, Side, str, str]]:
+    ) -> Iterator[tuple[Side, Side, str, tuple[str, ...]]]:
         """Pairs of cells, one from each side, with equal light, material and view and equal pairing options.
 
         With each pair, what is compared, and under which reading of the claim.
@@ -217,13 +217,13 @@ def _join_parts(parts: list[str]) -> str:
 
 
 def _format_row(row: Row, keys: Collection[str]) -> str:
-    return format_options({key: row["options"].get(key) for key in keys if key != BUDGET})
+    return format_options({key: row["options"][key] for key in keys if key in row["options"]})
 
 
-def _format_reading(claim: Claim, *rows: Row) -> str:
+def _format_reading(claim: Claim, *rows: Row) -> tuple[str, ...]:
     """The values of the claim's options `by`, each of the first cell that has it."""
     held = {key: value for row in reversed(rows) for key, value in row["options"].items()}
-    return format_options({key: held.get(key) for key in claim.by})
+    return tuple(format_options({key: held.get(key)}) for key in claim.by)
 
 
 def _make_key(row: Row, options: Collection[str], places: Collection[str] = CONDITIONS) -> str:

@@ -221,8 +221,8 @@ class FilteredImportanceSampling(Method):
             samples = lobe.sample_points(u)
             level = self._level(n, torch.sqrt(lobe.widths[0] * lobe.widths[1]))
             if self.kernel == "stratum":
-                arguments = (lobe, samples, pyramid, level, torch.tensor(n, device=points.device), hidden)
-                radiance += over_points(_sum_strata, points, n * 9, *arguments) / n
+                count = torch.tensor(n, device=points.device)
+                radiance += over_points(_sum_strata, points, n * 9, lobe, samples, pyramid, level, count, hidden) / n
             elif self.footprint == "isotropic":
                 radiance += over_points(_sum_isotropic, points, n, lobe, samples, pyramid, level, hidden) / n
             else:

@@ -201,7 +201,7 @@ def test_a_claim_says_under_which_readings_it_holds():
     assert judgement["verdict"] == "does not hold"
     assert judgement["readings"] == [
         "Holds by points r2 (0.25 to 0.5)",
-        "Does not hold by points halton (0.625 to 2); points hammersley (1.25)",
+        "Does not hold by points halton (0.625 to 2), hammersley (1.25)",
     ]
     assert judgement["summary"].endswith(". Holds by points r2 (0.25 to 0.5). " + judgement["readings"][1] + ".")
 
@@ -214,8 +214,8 @@ def test_a_reading_may_be_of_several_options_of_either_side():
     )
 
     assert judgement["readings"] == [
-        "Holds by xi 0.1, points r2 (1); xi 0.2, points r2 (1)",
-        "Does not hold by xi 0.1, points halton (0.25); xi 0.2, points halton (0.25)",
+        "Holds by xi 0.1: points r2 (1); xi 0.2: points r2 (1)",
+        "Does not hold by xi 0.1: points halton (0.25); xi 0.2: points halton (0.25)",
     ]
 
 
@@ -226,7 +226,7 @@ def test_slopes_and_values_have_readings_too():
     value = verdict_on({"value": "a", "of": "rms", "between": [0.3, None], "by": "samples"}, *rows)
 
     assert slope["readings"] == ["Holds by k 1 (-0.5)"]
-    assert value["readings"] == ["Holds by samples 1 (1); samples 4 (0.5)", "Does not hold by samples 16 (0.25)"]
+    assert value["readings"] == ["Holds by samples 1 (1), 4 (0.5)", "Does not hold by samples 16 (0.25)"]
 
 
 def test_a_claim_without_readings_has_none():
