@@ -12,6 +12,7 @@ from glossbench.brdf.ggx import GGX, SAMPLERS
 from glossbench.brdf.ggx_samplers import BoundedCaps
 from glossbench.brdf.kurt import Kurt
 from glossbench.directions import Vec3, points_2d
+from glossbench.shading.kernels.arguments import classes_of, flatten, rebuild
 from oracles.chi_square import chi_square_p, p_limit
 from oracles.hemisphere import direction, vectors
 from oracles.lobe_checks import check_finite, check_weight
@@ -194,6 +195,16 @@ def test_no_bounded_sample_along_the_normal_is_below_the_surface(alpha):
 
 
 # Materials.
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_a_kernel_takes_a_lobe_apart_and_puts_it_together_with_its_sampler(sampler):
+    lobe = lobe_of(sampler, (0.1, 0.4))
+
+    form, tensors = flatten(lobe)
+
+    assert rebuild(form, tensors).sampler == lobe.sampler
+    assert type(lobe.sampler) in set(classes_of(form))  # so its source is in the key of a compiled kernel
 
 
 def test_beckmann_lobes_have_normals_but_no_visible_normals():
