@@ -9,10 +9,11 @@ from math import pi
 from typing import Literal, NamedTuple
 
 import torch
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 from torch import Tensor
 
-PointSet = Literal["hammersley", "random", "r2"]
+PointSet = Literal["hammersley", "hammersley_swapped", "r2", "halton", "sobol", "random"]
+SEEDED: tuple[PointSet, ...] = ("sobol", "random")  # the point sets that a seed changes
 
 
 class Vec3(NamedTuple):
@@ -104,9 +105,10 @@ def spherical(theta: Tensor, phi: Tensor) -> Vec3:
 def points_2d(n: int, kind: PointSet = "hammersley", seed: int = 0) -> Float32[Tensor, "{n} 2"]:
     """n points of the open unit square.
 
-    hammersley: ((i + 1/2) / n, van der Corput of i in base 2, plus 1 / (2 n)). r2: the additive recurrence of the
-    plastic number (Roberts 2018), shifted by 1/2. random: independent uniform numbers, seeded by seed and n. Only
-    random depends on the seed.
+    hammersley: ((i + 1/2) / n, radical inverse of i in base 2, plus 1 / (2 n)). hammersley_swapped: the same points
+    with their coordinates exchanged. r2: the additive recurrence of the plastic number (Roberts 2018), shifted by 1/2.
+    halton: radical inverses of i + 1 in bases 2 and 3. sobol: Sobol's sequence with Owen's scrambling, seeded by seed
+    and n. random: independent uniform numbers, seeded in the same way.
 
     >>> points_2d(4)
     tensor([[0.1250, 0.1250],
@@ -114,24 +116,31 @@ def points_2d(n: int, kind: PointSet = "hammersley", seed: int = 0) -> Float32[T
             [0.6250, 0.3750],
             [0.8750, 0.8750]])
     """
-    if kind == "random":
-        u = torch.rand(n, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(seed * 2**21 + n))
-    else:
-        i = torch.arange(n, dtype=torch.float64)
-        if kind == "hammersley":
-            u = torch.stack([(i + 0.5) / n, _van_der_corput(n) + 0.5 / n], dim=1)
-        else:
+    i = torch.arange(n)
+    match kind:
+        case "hammersley" | "hammersley_swapped":
+            u = torch.stack([(i.double() + 0.5) / n, _radical_inverse(i, 2) + 0.5 / n], dim=1)
+            u = u if kind == "hammersley" else u.flip(1)
+        case "r2":
             plastic = 1.32471795724474602596
-            u = torch.stack([(0.5 + (i + 1) / plastic) % 1, (0.5 + (i + 1) / plastic**2) % 1], dim=1)
+            u = torch.stack([(0.5 + (i.double() + 1) / plastic) % 1, (0.5 + (i.double() + 1) / plastic**2) % 1], dim=1)
+        case "halton":
+            u = torch.stack([_radical_inverse(i + 1, 2), _radical_inverse(i + 1, 3)], dim=1)
+        case "sobol":
+            engine = torch.quasirandom.SobolEngine(2, scramble=True, seed=seed * 2**21 + n)
+            u = engine.draw(n, dtype=torch.float64)
+        case "random":
+            u = torch.rand(n, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(seed * 2**21 + n))
     # The interval is open at both ends, because callers compute log(u) and tan(2 pi u).
     return u.float().clamp(2.0**-24, 1 - 2.0**-24)
 
 
-def _van_der_corput(n: int) -> Float[Tensor, "{n}"]:
-    i = torch.arange(n)
-    value = torch.zeros(n, dtype=torch.float64)
-    for bit in range(max(n - 1, 1).bit_length()):
-        value += ((i >> bit) & 1) * 2.0 ** -(bit + 1)
+def _radical_inverse(i: Int[Tensor, "n"], base: int) -> Float[Tensor, "n"]:
+    """The digits of i in a base, mirrored at the point."""
+    value, place = torch.zeros(len(i), dtype=torch.float64), 1 / base
+    while (i > 0).any():
+        value += (i % base) * place
+        i, place = i // base, place / base
     return value
 
 

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from glossbench.prefilter import (
     METHODS,
+    SEEDED,
     Contract,
     CubeMap,
     Material,
@@ -49,7 +50,7 @@ class EnvironmentSampling(Method):
         samples: N.
         visibility: "rays": one shadow ray per sample if the scene hides light.
         points: the kind of the N points of the unit square.
-        seed: seed of random points.
+        seed: seed of random points and of the scrambling of Sobol's.
 
     Source: the baseline of Krivanek and Colbert 2008, figure 3; sampling after Pharr and Humphreys 2004.
     """
@@ -67,7 +68,7 @@ class EnvironmentSampling(Method):
     @property
     def is_random(self) -> bool:
         """Whether the seed changes the image: only random points use it."""
-        return self.points == "random"
+        return self.points in SEEDED
 
     @stage
     def lights(self, light: CubeMap) -> DirectionalLights:

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from glossbench.prefilter import (
     METHODS,
+    SEEDED,
     Contract,
     CubeMap,
     Environment,
@@ -16,6 +17,7 @@ from glossbench.prefilter import (
     Occluder,
     PointSet,
     Radiance,
+    Sampler,
     Seed,
     ShadingPoints,
     finest,
@@ -41,15 +43,20 @@ class ImportanceSampling(Method):
 
     Attributes:
         samples: N, divided among the lobes.
+        sampler: how half vectors are drawn: as the model of the lobe usually does ("own"; visible normals for GGX); by
+            its normals, with density D cos_h; by the normals that wo sees; by a spherical cap, which has the same
+            density; or by a smaller cap, which leaves out most of those that reflect below the surface. The last three
+            need the masking function of GGX.
         visibility: "rays": one shadow ray per sample if the scene hides light; the diffuse part then takes N more
             samples.
         points: the kind of the N points of the unit square.
-        seed: seed of random points.
+        seed: seed of random points and of the scrambling of Sobol's.
 
-    Source: Cook 1986; each lobe is sampled as its model states.
+    Source: Cook 1986; visible normals, Heitz 2018; caps, Dupuy and Benyoub 2023, Eto and Tokuyoshi 2023.
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 20)] = 40
+    sampler: Sampler = "own"
     visibility: Literal["none", "rays"] = "none"
     points: PointSet = "hammersley"
     seed: Seed = 0
@@ -63,7 +70,11 @@ class ImportanceSampling(Method):
     @property
     def is_random(self) -> bool:
         """Whether the seed changes the image: only random points use it."""
-        return self.points == "random"
+        return self.points in SEEDED
+
+    def supports(self, material: Material, scene: Any) -> str | None:
+        """The reason why its lobes cannot be sampled in this way."""
+        return None if self.sampler == "own" else material.as_lobes().explain_sampler(self.sampler)
 
     def n_samples(self, material: Material) -> int:
         """Number of samples of all lobes, at least one for each."""
@@ -78,7 +89,7 @@ class ImportanceSampling(Method):
         self, points: ShadingPoints, material: Material, texels: Environment, irradiance: Tensor, scene: Any = None
     ) -> Radiance:
         """Radiance (P, 3)."""
-        reflectance = material.as_lobes(points.device)
+        reflectance = material.as_lobes(points.device).sampled_by(self.sampler)
         occluder = occluder_of(scene) if self.visibility == "rays" else None
         u = points_2d(self.samples, self.points, self.seed).to(points.device)
         radiance = visible_diffuse(points, reflectance, irradiance, occluder, texels, u)

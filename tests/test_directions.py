@@ -1,6 +1,7 @@
 """Directions: frames and reflection by known numbers, point sets by an independent discrepancy."""
 
 from math import pi
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
 from glossbench.directions import (
+    SEEDED,
+    PointSet,
     Vec3,
     cosine_hemisphere,
     cross,
@@ -99,7 +102,7 @@ def test_spherical_coordinates_start_at_z_and_turn_from_x_to_y():
     torch.testing.assert_close(d, expected, rtol=0, atol=2e-7)
 
 
-@pytest.mark.parametrize("kind", ["hammersley", "r2", "random"])
+@pytest.mark.parametrize("kind", get_args(PointSet))
 @pytest.mark.parametrize("n", [1, 2, 7, 4096])
 def test_points_lie_in_the_open_square(kind, n):
     u = points_2d(n, kind)
@@ -119,8 +122,9 @@ def check_low_discrepancy(u):
 
 # r2 gains on random points late: at 14 points 0.023 against a mean of 0.028, at 271 7e-5 against 1.4e-3.
 @pytest.mark.parametrize(
-    ("kind", "n"), [("hammersley", 14), ("hammersley", 64), ("hammersley", 271), ("r2", 64), ("r2", 271)]
-)
+    ("kind", "n"), [("hammersley", 14), ("hammersley", 64), ("hammersley", 271), ("r2", 64), ("r2", 271),
+     ("hammersley_swapped", 64), ("halton", 64), ("halton", 271), ("sobol", 64), ("sobol", 271)],
+)  # fmt: skip
 def test_low_discrepancy_sets_are_more_even_than_any_of_fifty_random_ones(kind, n):
     u = points_2d(n, kind)
 
@@ -150,14 +154,36 @@ def test_hammersley_points_are_known():
     torch.testing.assert_close(u, expected, rtol=0, atol=0)
 
 
-def test_random_points_follow_their_seed():
-    same, again, other = (points_2d(100, "random", seed) for seed in (5, 5, 6))
+def test_halton_points_are_known():
+    """1, 2, 3, 4 mirrored: 0.1, 0.01, 0.11, 0.001 in base 2, and 0.1, 0.2, 0.01, 0.11 in base 3."""
+    u = points_2d(4, "halton")
+
+    expected = torch.tensor([[1 / 2, 1 / 3], [1 / 4, 2 / 3], [3 / 4, 1 / 9], [1 / 8, 4 / 9]])
+    torch.testing.assert_close(u, expected, rtol=0, atol=0)
+
+
+def test_swapped_points_have_their_coordinates_exchanged():
+    assert torch.equal(points_2d(14, "hammersley_swapped"), points_2d(14, "hammersley").flip(1))
+
+
+def test_scrambled_sobol_points_fill_every_elementary_interval_of_their_net():
+    """A (0, 4, 2)-net: one of 16 points in each box of 2^-k by 2^(k - 4). A plain grid has four in some boxes."""
+    for seed in range(5):
+        u = points_2d(16, "sobol", seed).double()
+        for k in range(5):
+            boxes = (u[:, 0] * 2**k).long() * 2 ** (4 - k) + (u[:, 1] * 2 ** (4 - k)).long()
+            assert len(boxes.unique()) == 16
+
+
+@pytest.mark.parametrize("kind", SEEDED)
+def test_random_points_follow_their_seed(kind):
+    same, again, other = (points_2d(100, kind, seed) for seed in (5, 5, 6))
 
     assert torch.equal(same, again)
     assert not torch.equal(same, other)
 
 
-@pytest.mark.parametrize("kind", ["hammersley", "r2"])
+@pytest.mark.parametrize("kind", sorted({*get_args(PointSet)} - {*SEEDED}))
 def test_other_point_sets_have_no_seed(kind):
     assert torch.equal(points_2d(100, kind, 5), points_2d(100, kind, 6))
 

@@ -1,26 +1,33 @@
 """GGX with height-correlated shadowing, sampled by its visible normals: the lobe of today's engines."""
 
-from dataclasses import dataclass
-from math import pi
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import torch
-from torch import Tensor
 
-from glossbench.brdf.lobe import Sample
+from glossbench.brdf.ggx_samplers import (
+    GRAZING,
+    AzimuthPoints,
+    BoundedCaps,
+    GGXSampler,
+    Normals,
+    SphericalCaps,
+    VisibleNormals,
+)
+from glossbench.brdf.lobe import Sample, Sampler
 from glossbench.brdf.material import MATERIALS, Material, Reflectance
 from glossbench.brdf.microfacet import Microfacet
 from glossbench.channels import channels, channels_unless_black, scalar
-from glossbench.directions import Vec3, dot, normalize, reflect
+from glossbench.directions import dot, reflect
 from glossbench.options import Color, Widths
 from glossbench.shapes import Directions, PairDirections, PairValues, UnitSquare, Values
 
-
-class DiskPoints(NamedTuple):
-    """Points (1, N) of the unit disk: x, and y before it is compressed to the visible half."""
-
-    x: Tensor
-    y: Tensor
+SAMPLERS: dict[Sampler, GGXSampler] = {
+    "normals": Normals(),
+    "visible_normals": VisibleNormals(),
+    "spherical_caps": SphericalCaps(),
+    "bounded_caps": BoundedCaps(),
+}
 
 
 @dataclass(frozen=True)
@@ -30,8 +37,14 @@ class TrowbridgeReitz(Microfacet):
     D(h) = 1 / (pi a_x a_y cos_h^4 (1 + slope2)^2); G2 = 1 / (1 + L(wo) + L(wi));
     L(v) = (sqrt(1 + (a_x^2 v_x^2 + a_y^2 v_y^2) / v_z^2) - 1) / 2.
 
-    Source: D, Walter et al. 2007 eq. 33; G2, Heitz 2014 eq. 99; sampling, Heitz 2018 (JCGT 7(4)) listing 1.
+    Attributes:
+        sampler: how half vectors are drawn.
+
+    Source: D, Walter et al. 2007 eq. 33; G2, Heitz 2014 eq. 99.
     """
+
+    sampler: GGXSampler = SAMPLERS["visible_normals"]
+    samplers: ClassVar[tuple[Sampler, ...]] = ("own", *SAMPLERS)
 
     def q(self, slope2: PairValues) -> PairValues:
         """1 / (1 + slope2)^2"""
@@ -45,37 +58,28 @@ class TrowbridgeReitz(Microfacet):
         """G2 / (4 cos_i cos_o)"""
         return 1 / ((1 + self._lambda(wo) + self._lambda(wi)) * 4 * wo.z * wi.z)
 
-    def sample_points(self, u: UnitSquare) -> DiskPoints:
-        """Uniform points of the disk."""
-        r, psi = torch.sqrt(u[:, 0]), 2 * pi * u[:, 1]
-        return DiskPoints((r * torch.cos(psi))[None], (r * torch.sin(psi))[None])
+    def sample_points(self, u: UnitSquare) -> AzimuthPoints:
+        """The part of the half vectors that depends only on u."""
+        return self.sampler.points(u)
 
-    def sample(self, wo: Directions, points: DiskPoints) -> Sample:
-        """Mirror directions at visible normals; f cos_i / pdf = F G2 / G1(wo)."""
-        a_x, a_y = self.widths
-        v = normalize(Vec3(a_x * wo.x, a_y * wo.y, wo.z))
-        # A frame about v; at v = z every tangent is valid.
-        length2 = v.x * v.x + v.y * v.y
-        inverse = torch.rsqrt(length2.clamp(min=1e-20))
-        at_pole = length2 < 1e-14
-        t1x = torch.where(at_pole, 1.0, -v.y * inverse)
-        t1y = torch.where(at_pole, 0.0, v.x * inverse)
-        t2 = Vec3(-v.z * t1y, v.z * t1x, v.x * t1y - v.y * t1x)
-        s = (1 + v.z) / 2
-        y = (1 - s) * torch.sqrt((1 - points.x * points.x).clamp(min=0)) + s * points.y
-        z = torch.sqrt((1 - points.x * points.x - y * y).clamp(min=0))
-        n = Vec3(points.x * t1x + y * t2.x + z * v.x, points.x * t1y + y * t2.y + z * v.y, y * t2.z + z * v.z)
-        h = normalize(Vec3(a_x * n.x, a_y * n.y, n.z.clamp(min=1e-6)))
+    def sample(self, wo: Directions, points: AzimuthPoints) -> Sample:
+        """Mirror directions at the half vectors; f cos_i / pdf = F G2 / masking."""
+        h = self.sampler.half_vectors(self.widths, wo, points)
         c = dot(wo, h)
         wi = reflect(wo, h)
         visible = (wi.z > 0) & (c > 0)
-        g1 = 1 + self._lambda(wo)
-        weight = torch.where(visible, g1 / (g1 + self._lambda(wi)), 0.0)
+        masking = self.sampler.masking(self.widths, wo, h, c)
+        g2 = 1 / (1 + self._lambda(wo) + self._lambda(wi))
+        weight = torch.where(visible, g2 / masking, 0.0)
         return Sample(wi, self.D(h) * self.pdf_over_D(wo, h, c), tuple(F * weight for F in self.F(c)))
 
     def pdf_over_D(self, wo: Directions, h: Directions, c: Values) -> Values:
-        """G1(wo) / (4 cos_o): the density of visible normals, D G1 c / cos_o, divided by 4 c and D."""
-        return 1 / ((1 + self._lambda(wo)) * 4 * wo.z.clamp(min=1e-6))
+        """masking / (4 cos_o)"""
+        return self.sampler.masking(self.widths, wo, h, c) / (4 * wo.z.clamp(min=GRAZING))
+
+    def sampled_by(self, sampler: Sampler) -> "TrowbridgeReitz":
+        """This lobe with another sampler."""
+        return self if sampler == "own" else replace(self, sampler=SAMPLERS[sampler])
 
     def _lambda(self, v: PairDirections) -> PairValues:
         x, y = self.widths[0] * v.x, self.widths[1] * v.y

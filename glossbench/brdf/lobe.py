@@ -6,7 +6,7 @@ computed once (`sample_points`); values that depend on the pixel have shape (P, 
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import torch
 
@@ -22,6 +22,9 @@ from glossbench.shapes import (
     UnitSquare,
     Values,
 )
+
+# How a lobe draws its half vectors: as its model usually does, with density D cos_h, or by what wo sees (GGX).
+Sampler = Literal["own", "normals", "visible_normals", "spherical_caps", "bounded_caps"]
 
 
 class Sample(NamedTuple):
@@ -45,10 +48,12 @@ class Lobe(HalfVectorPattern):
     Attributes:
         widths: widths of D along t and b: Beckmann slopes m_x, m_y or GGX alpha_x, alpha_y.
         ks: factor of the whole lobe per channel.
+        samplers: the samplers that it has.
     """
 
     widths: tuple[Scalar, Scalar]
     ks: tuple[Scalar, ...]
+    samplers: ClassVar[tuple[Sampler, ...]] = ("own",)
 
     def f_and_pdf(self, wo: Directions, wi: Directions) -> tuple[tuple[PairValues, ...], PairValues]:
         """`f` and `pdf` together, because they share most of the work."""
@@ -69,6 +74,10 @@ class Lobe(HalfVectorPattern):
     def sample(self, wo: Directions, points: Any) -> Sample:
         """Light directions for these sample points."""
         raise NotImplementedError
+
+    def sampled_by(self, sampler: Sampler) -> "Lobe":
+        """This lobe with one of its samplers."""
+        return self
 
     def albedo(self, wo: PointDirections, n_samples: int = 4096) -> Albedo:
         """Directional albedo: integral of f(wo, wi) cos_i dwi, RGB.

@@ -5,7 +5,7 @@ from math import pi
 
 import torch
 
-from glossbench.brdf.lobe import Lobe
+from glossbench.brdf.lobe import Lobe, Sampler
 from glossbench.catalog.naming import explain_catalog_name
 from glossbench.channels import Channels, add
 from glossbench.options import Options
@@ -41,6 +41,17 @@ class Reflectance:
         while sum(counts) > max(samples, len(counts)):
             counts[counts.index(max(counts))] -= 1
         return counts
+
+    def sampled_by(self, sampler: Sampler) -> "Reflectance":
+        """The same parts, each lobe with this sampler, which `explain_sampler` must not refuse."""
+        return Reflectance(self.diffuse, tuple(lobe.sampled_by(sampler) for lobe in self.lobes))
+
+    def explain_sampler(self, sampler: Sampler) -> str | None:
+        """The reason why a lobe cannot be sampled in this way; None if all can."""
+        for lobe in self.lobes:
+            if sampler not in lobe.samplers:
+                return f"a lobe of the material has no sampler {sampler!r}, it has {', '.join(lobe.samplers)}"
+        return None
 
     def diffuse_f(self) -> Channels:
         """The diffuse part of f above the surface, albedo / pi [1/sr] per channel."""

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from math import pi
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import torch
 
-from glossbench.brdf.lobe import Lobe, Sample
+from glossbench.brdf.lobe import Lobe, Sample, Sampler
 from glossbench.channels import Channels, widen
 from glossbench.directions import Vec3, dot, half_vector, normalize, reflect
 from glossbench.shapes import Directions, PairValues, Scalar, UnitSquare, Values
@@ -71,6 +71,8 @@ class Beckmann(Microfacet):
 
     Source: Beckmann and Spizzichino 1963; anisotropic as in Kurt et al. 2010; Luksch et al. 2014 eq. 4 to 7 and 10.
     """
+
+    samplers: ClassVar[tuple[Sampler, ...]] = ("own", "normals")
 
     def sample_points(self, u: UnitSquare) -> HalfVectors:
         """Half vectors with density D cos_h.

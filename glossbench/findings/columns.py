@@ -34,7 +34,7 @@ def make_metric_column(name: str, options: Mapping[str, Any] | None = None, call
     if registered not in METRICS.names():
         return column
     metric = METRICS.get(registered)
-    unit = "" if metric.unit == "1" else metric.unit
+    unit = metric.unit_with(options or {}).removeprefix("1")
     return replace(column, unit=unit, lower_is_better=metric.lower_is_better, signed=metric.signed)
 
 

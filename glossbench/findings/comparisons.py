@@ -41,6 +41,7 @@ class Case(NamedTuple):
         bound: the bound with which the number is compared.
         found: the number that decides: a ratio, a slope or a value.
         seeds: number of seeds of random points on each side; 0 if none are random.
+        reading: the values of the claim's options `by`, each with its name, in words.
     """
 
     where: str
@@ -50,6 +51,7 @@ class Case(NamedTuple):
     found: Estimate
     verdict: str
     seeds: tuple[int, ...]
+    reading: tuple[str, ...] = ()
 
     def as_numbers(self) -> dict[str, Any]:
         """The case as JSON types; `low` and `high` are the 95 % interval of `value`."""

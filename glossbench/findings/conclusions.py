@@ -18,12 +18,42 @@ def conclude(cases: list[Case], quantity: str, notes: Counter[str], sides: Seque
         why = left_out.removeprefix("; ") or "the run has no cell of this claim"
         return UNTESTED, f"Not tested: {why}."
     count = Counter(case.verdict for case in cases)
-    verdict = next(v for v in (FAILS, HOLDS, EQUAL, NOISE) if count[v])
+    verdict = _decide(cases)
     others = "".join(f", {count[word]} {word}" for word in (EQUAL, NOISE) if count[word])
     span = describe_span([case.as_numbers() for case in cases])
     first = f"Judged without {failed} of its cells, which failed. " if failed else ""
     counted = f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{others}"
-    return verdict, f"{counted}; {quantity}: {span}{_describe_seeds(cases, sides)}{left_out}."
+    told = "".join(f" {text}." for text in describe_readings(cases))
+    return verdict, f"{counted}; {quantity}: {span}{_describe_seeds(cases, sides)}{left_out}.{told}"
+
+
+def _decide(cases: Sequence[Case]) -> str:
+    found = {case.verdict for case in cases}
+    return next(verdict for verdict in (FAILS, HOLDS, EQUAL, NOISE) if verdict in found)
+
+
+def describe_readings(cases: Sequence[Case]) -> list[str]:
+    """By verdict, the readings of a claim that have it: "Holds by k 1: points r2 (0.36 to 0.4), halton (0.5 to 0.53)".
+
+    Readings that differ in the last option alone are together. In brackets are the lowest and the highest number of the
+    cases of the reading.
+    """
+    readings: dict[tuple[str, ...], list[Case]] = {}
+    for case in cases:
+        if case.reading:
+            readings.setdefault(case.reading, []).append(case)
+    told: dict[str, dict[str, list[str]]] = {}
+    for (*first, last), of_reading in readings.items():
+        numbers = sorted(case.found.value for case in of_reading)
+        ends = " to ".join(dict.fromkeys(f"{number:.3g}" for number in (numbers[0], numbers[-1])))
+        alike = told.setdefault(_decide(of_reading), {}).setdefault(", ".join(first), [])
+        name, _, value = last.partition(" ")
+        alike.append(f"{value if alike else f'{name} {value}'} ({ends})")
+    found = []
+    for verdict in (HOLDS, FAILS, EQUAL, NOISE):
+        groups = [": ".join(filter(None, (first, ", ".join(last)))) for first, last in told.get(verdict, {}).items()]
+        found += [f"{verdict.capitalize()} by {'; '.join(groups)}"] if groups else []
+    return found
 
 
 def describe_span(cases: Sequence[Numbers]) -> str:

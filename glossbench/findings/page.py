@@ -80,11 +80,12 @@ def _count_cases(claim: Mapping[str, Any]) -> str:
 
 
 def _describe_numbers(claim: Mapping[str, Any]) -> str:
-    """The quantity of a claim in its lowest and highest case; or why there is no case."""
+    """The quantity of a claim in its lowest and highest case, and its readings; or why there is no case."""
     cases = claim["numbers"]
     if not cases:
         return str(claim["summary"])
-    return f"{claim['quantity']}: {describe_span(cases)}"
+    readings = "".join(f". {text}" for text in claim.get("readings", ()))
+    return f"{claim['quantity']}: {describe_span(cases)}{readings}"
 
 
 def _escape_cell(text: str) -> str:

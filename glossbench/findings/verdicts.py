@@ -20,7 +20,7 @@ from glossbench.findings.comparisons import (
     judge_value,
     keep_finite,
 )
-from glossbench.findings.conclusions import conclude
+from glossbench.findings.conclusions import conclude, describe_readings
 from glossbench.findings.estimates import Sample
 from glossbench.study.cell_index import CellIndex
 from glossbench.study.claim_names import find_meanings
@@ -59,6 +59,7 @@ def judge(claims: Sequence[Claim], cells: pandas.DataFrame) -> list[dict[str, An
     equal if its two sides differ by less than the margin. Cells that differ only in the seed of their random points are
     one case, of their mean. A claim does not hold if one case does not; else it holds if one case holds; else it is
     equal if one case is equal; else it is within noise. A claim without a case is not tested, and the summary says why.
+    A claim with readings has a verdict for each reading, too.
     """
     table = _Table(cells.to_dict("records"))
     return [table.judge(claim) for claim in claims]
@@ -91,14 +92,15 @@ class _Table:
         match claim:
             case LowerClaim():
                 quantity = f"{claim.metric} of {sides[0]} over {sides[1]}"
-                cases += [judge_lower(claim, a, b, where) for a, b, where in self._pair_cells(claim, picked, notes)]
+                for a, b, where, reading in self._pair_cells(claim, picked, notes):
+                    cases.append(judge_lower(claim, a, b, where)._replace(reading=reading))
             case RatioClaim():
                 quantity = f"{claim.of} of {sides[0]} over {sides[1]}"
-                for a, b, where in self._pair_cells(claim, picked, notes):
+                for a, b, where, reading in self._pair_cells(claim, picked, notes):
                     if b.value == 0:
                         notes[f"pairs whose divisor, {claim.of} of {sides[1]}, is zero"] += 1
                     else:
-                        cases.append(judge_ratio(claim, a, b, where))
+                        cases.append(judge_ratio(claim, a, b, where)._replace(reading=reading))
             case SlopeClaim():
                 quantity = f"slope of log {claim.metric} over log {claim.over}"
                 cases += self._judge_slopes(claim, picked[0], notes)
@@ -108,10 +110,11 @@ class _Table:
                 varying = find_differing([row["options"] for row in rows])
                 for row in rows:
                     where = _join_parts([self._describe_place(row), _format_row(row, varying)])
-                    cases.append(judge_value(claim, row["side"], where))
+                    cases.append(judge_value(claim, row["side"], where)._replace(reading=_format_reading(claim, row)))
         verdict, summary = conclude(cases, quantity, notes, sides)
         judgement = {"text": claim.text, "kind": claim.kind, "verdict": verdict, "quantity": quantity}
-        return {**judgement, "numbers": [case.as_numbers() for case in cases], "summary": summary}
+        told = {"readings": describe_readings(cases), "summary": summary}
+        return {**judgement, "numbers": [case.as_numbers() for case in cases], **told}
 
     def pick(self, claim: Claim, side: Stated, notes: Counter[str]) -> list[Row]:
         """The finished cells of a side that a claim is about, in which the column of the claim is a finite number."""
@@ -135,8 +138,10 @@ class _Table:
 
     def _pair_cells(
         self, claim: LowerClaim | RatioClaim, picked: list[list[Row]], notes: Counter[str]
-    ) -> Iterator[tuple[Side, Side, str]]:
+    ) -> Iterator[tuple[Side, Side, str, tuple[str, ...]]]:
         """Pairs of cells, one from each side, with equal light, material and view and equal pairing options.
+
+        With each pair, what is compared, and under which reading of the claim.
 
         A light, material or view that a side states need not be equal.
         """
@@ -170,6 +175,7 @@ class _Table:
                     a["side"],
                     b["side"],
                     _join_parts([self._describe_place(a, places), _format_row(a, keys), against]),
+                    _format_reading(claim, a, b),
                 )
 
     def _judge_slopes(self, claim: SlopeClaim, rows: list[Row], notes: Counter[str]) -> Iterator[Case]:
@@ -195,7 +201,8 @@ class _Table:
                     notes["curves of fewer than 3 points"] += 1
                     continue
                 called = [names[place][identify(place, group[0], without[place])] for place in CONDITIONS]
-                yield judge_slope(claim, x, [row["side"] for row in group], _join_parts([*called, own]))
+                case = judge_slope(claim, x, [row["side"] for row in group], _join_parts([*called, own]))
+                yield case._replace(reading=_format_reading(claim, group[0]))
 
     def _describe_place(self, row: Row, places: Collection[str] = CONDITIONS) -> str:
         return _join_parts([self._names[place][identify(place, row)] for place in CONDITIONS if place in places])
@@ -210,7 +217,13 @@ def _join_parts(parts: list[str]) -> str:
 
 
 def _format_row(row: Row, keys: Collection[str]) -> str:
-    return format_options({key: row["options"].get(key) for key in keys if key != BUDGET})
+    return format_options({key: row["options"][key] for key in keys if key in row["options"]})
+
+
+def _format_reading(claim: Claim, *rows: Row) -> tuple[str, ...]:
+    """The values of the claim's options `by`, each of the first cell that has it."""
+    held = {key: value for row in reversed(rows) for key, value in row["options"].items()}
+    return tuple(format_options({key: held.get(key)}) for key in claim.by)
 
 
 def _make_key(row: Row, options: Collection[str], places: Collection[str] = CONDITIONS) -> str:

@@ -41,7 +41,7 @@ class Metric(Options):
     Attributes:
         formula: formula of the number in plain text; x is the image, y the reference, means are over masked pixels
             and channels.
-        unit: unit of the number and the map.
+        unit: unit of the number and the map under default options.
         map_formula: formula of one pixel of the map; means are over its channels.
         lower_is_better: whether a lower absolute value of the number is better.
         signed: whether the map has both signs; otherwise it is at least 0, and 0 means no error.
@@ -64,13 +64,22 @@ class Metric(Options):
             InputError: sizes or masks differ, the mask is empty, or radiance on it is not finite.
         """
         x, y, mask = _prepare_images(image, truth)
-        return float(self.pooled(self.errors(x, y, mask)[mask]))
+        return float(self.pooled(self.errors(self.compared(x), self.compared(y), mask)[mask]))
 
     @settled()
     def error_map(self, image: RadianceImage, truth: RadianceImage) -> ErrorMap:
         """The error of each pixel, zero outside the mask; it raises the same errors as the number."""
         x, y, mask = _prepare_images(image, truth)
-        return np.where(mask, self.errors(x, y, mask), 0.0)
+        return np.where(mask, self.errors(self.compared(x), self.compared(y), mask), 0.0)
+
+    def compared(self, radiance: Colours) -> Colours:
+        """The values of an image that `errors` compares: by default its radiance."""
+        return radiance
+
+    @classmethod
+    def unit_with(cls, options: Mapping[str, Any]) -> str:
+        """The unit under some options; those that are left out have their defaults."""
+        return cls.unit
 
     def errors(self, x: Colours, y: Colours, mask: Masked) -> ErrorMap:
         """The error of each pixel of an image and a reference, both zero outside the mask."""
@@ -86,7 +95,7 @@ def name_columns(metrics: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     found = []
     for name, options in metrics:
         same = [other for each, other in metrics if each == name]
-        told = [f"{key} {json.dumps(value)}" for key, value in options.items()
+        told = [f"{key} {value if isinstance(value, str) else json.dumps(value)}" for key, value in options.items()
                 if any(other.get(key) != value for other in same)]  # fmt: skip
         found.append(f"{name} ({', '.join(told)})" if told else name)
     return found

@@ -1,16 +1,17 @@
-"""Metrics of single pixels in linear radiance."""
+"""Metrics of single pixels."""
 
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from glossbench.metrics.metric import METRICS, Metric
+from glossbench.metrics.metric import METRICS
+from glossbench.metrics.space import SpaceMetric
 from glossbench.shapes import Colours, ErrorMap, Errors, Masked
 
 
 @METRICS.register("rms")
-class RMS(Metric):
+class RMS(SpaceMetric):
     """Root of the mean squared error."""
 
     formula = "sqrt(mean((x - y)^2))"
@@ -41,7 +42,7 @@ class RelativeRMS(RMS):
 
 
 @METRICS.register("relative_l1")
-class RelativeL1(Metric):
+class RelativeL1(SpaceMetric):
     """Mean absolute error divided by the mean of the reference; 0 or infinite for a black reference.
 
     For a sphere under one bright texel it is the difference of two lobes divided by the volume of one lobe, because an
@@ -59,7 +60,7 @@ class RelativeL1(Metric):
 
 
 @METRICS.register("mean_error")
-class MeanError(Metric):
+class MeanError(SpaceMetric):
     """Mean signed error: energy gained (above 0) or lost."""
 
     formula = "mean(x - y)"
@@ -73,7 +74,7 @@ class MeanError(Metric):
 
 
 @METRICS.register("max_error")
-class MaxError(Metric):
+class MaxError(SpaceMetric):
     """The largest error of any pixel and channel."""
 
     formula = "max(|x - y|)"
@@ -90,7 +91,7 @@ class MaxError(Metric):
 
 
 @METRICS.register("mrse")
-class MRSE(Metric):
+class MRSE(SpaceMetric):
     """Mean relative squared error of each channel: dark regions count as much as bright ones.
 
     Attributes:
@@ -133,7 +134,7 @@ class TrimmedMRSE(MRSE):
 
 
 @METRICS.register("smape")
-class SMAPE(Metric):
+class SMAPE(SpaceMetric):
     """Symmetric mean absolute percentage error, as a fraction in [0, 2]; 0 over 0 is 0.
 
     Source: Armstrong 1985, with the factor 2. Denoising papers leave the factor out and add 0.01 to the denominator

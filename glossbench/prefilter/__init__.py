@@ -6,10 +6,11 @@ and the rooms below (truth, shading, metrics, scene, brdf, envmap, process, cata
 list.
 """
 
-from glossbench.brdf.lobe import Lobe
+from glossbench.brdf.lobe import Lobe, Sampler
 from glossbench.brdf.material import Material, Reflectance
 from glossbench.channels import LUMINANCE, Channels, merge_channels, widen
 from glossbench.directions import (
+    SEEDED,
     PointSet,
     Vec3,
     cosine_hemisphere,
@@ -105,6 +106,7 @@ __all__ = [
     "Seed",
     # Directions as components, and points of the unit square.
     "PointSet",
+    "SEEDED",
     "Vec3",
     "cosine_hemisphere",
     "cross",
@@ -147,6 +149,7 @@ __all__ = [
     "Material",
     "Radiance",
     "Reflectance",
+    "Sampler",
     "merge_channels",
     "widen",
     # The scene: the points to shade, and the occluder that hides light from them.

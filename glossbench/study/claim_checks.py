@@ -29,7 +29,7 @@ from glossbench.study.document import Document, KeyPath, format_path
 
 MAX_VALUES = 8  # a message lists at most so many
 LARGER = ("higher", "greater", "larger", "more", "above", "worse")
-OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by", "margin")
+OTHER_KEYS = ("text", "where", "than", "metric", "of", "over", "between", "equals", "paired_by", "margin", "by")
 
 
 class Combinations(Protocol):

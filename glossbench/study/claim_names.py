@@ -61,6 +61,7 @@ def find_unknown_name(
             wanted.append(("over", f"option of {get_method(claim.slope)}", claim.over, every))
     if isinstance(claim, LowerClaim | RatioClaim):
         wanted += [("paired_by", "option of both methods", name, shared) for name in claim.paired_by]
+    wanted += [("by", "option of its methods", name, set.union(*options)) for name in claim.by]
     for key, what, name, known in wanted:
         if same := [each for each in known if each.startswith(f"{name} (") and name not in known]:
             return (key,), f"{name!r} may mean {' or '.join(map(repr, same))}: say which"

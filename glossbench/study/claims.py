@@ -61,12 +61,14 @@ class _Claim(BaseModel):
         text: the sentence, as the report prints it.
         where: light, material, view or the name of an option -> the value, or list of values, that cells must have. A
             light, material or view is stated by its name, or as {name: {option: value}}.
+        by: options of the methods whose values are readings of the sentence: the summary says under which it holds.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
     kind: ClassVar[str]
     text: Name
     where: dict[str, Any] = {}
+    by: Names = []
 
 
 class LowerClaim(_Claim):

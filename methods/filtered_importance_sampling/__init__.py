@@ -9,6 +9,7 @@ from torch import Tensor
 
 from glossbench.prefilter import (
     METHODS,
+    SEEDED,
     Channels,
     Contract,
     CubeMap,
@@ -23,6 +24,7 @@ from glossbench.prefilter import (
     PerPoint,
     PointSet,
     Radiance,
+    Sampler,
     Seed,
     ShadingPoints,
     Vec3,
@@ -47,17 +49,29 @@ from glossbench.prefilter import (
     weighted_radiance,
 )
 
+from .stratum import mean_pdf
 from .visibility_harmonics import evaluate_visibility, fit_visibility, smooth
 
-LodBias = Literal["plain", "filament", "babylon", "materialx", "gltf_ibl_sampler"]
-# Levels that each code adds to log4 of the exact ratio 1 / (N p Omega_texel), from the sources of each code: Filament
-# and Babylon use K = 4, glTF-IBL-Sampler leaves out the 4 pi of the sphere.
+LodBias = Literal[
+    "plain", "unreal", "bevy", "three_r187", "hdrp", "filament", "filament_last_level", "babylon", "materialx", "godot",
+    "gltf_ibl_sampler", "playcanvas",
+]  # fmt: skip
+# Levels that each code adds to log4 of the exact ratio 1 / (N p Omega_texel), from the sources of each code. Filament
+# and Babylon use K = 4, and Filament's library for the GPU at least 2 levels on its last map; Unreal takes twice the
+# solid angle of a texel; Godot takes the texels of an octahedral map for those of a cube; glTF-IBL-Sampler and
+# PlayCanvas leave out the 4 pi of the sphere. HDRP adds alpha.
 LOD_BIAS: dict[LodBias, float] = {
     "plain": 0.0,
+    "unreal": -0.5,
+    "bevy": 0.0,
+    "three_r187": 0.5,
     "filament": 1.0,
+    "filament_last_level": 2.0,
     "babylon": 1.0,
     "materialx": 1.15,
+    "godot": 1.29,
     "gltf_ibl_sampler": 1.83,
+    "playcanvas": 1.83,
 }
 
 
@@ -75,9 +89,17 @@ class FilteredImportanceSampling(Method):
 
     Attributes:
         samples: N, divided among the lobes.
+        sampler: how half vectors are drawn: as the model of the lobe usually does ("own"; visible normals for GGX); by
+            its normals, with density D cos_h; by the normals that wo sees; by a spherical cap, which has the same
+            density; or by a smaller cap, which leaves out most of those that reflect below the surface. The last three
+            need the masking function of GGX.
         k: extent K of the filter; the paper chose 4 by eye, for a box pyramid.
-        lod_bias: levels of a known code instead of 1/2 log2 K: plain 0, filament and babylon 1, materialx 1.15,
-            gltf_ibl_sampler 1.83.
+        lod_bias: levels of a known code instead of 1/2 log2 K: unreal -0.5, plain and bevy 0, three_r187 0.5, filament
+            and babylon 1, filament_last_level 2, materialx 1.15, godot 1.29, gltf_ibl_sampler and playcanvas 1.83;
+            hdrp alpha, here the geometric mean of both widths of the lobe, and 1 for the diffuse part.
+        kernel: p in l: "point", p at the sample; "stratum", the mean of p over the cone about the sample in which its
+            integral is 1 / N, by two rounds of omega = 1 / (N p) from p at five directions. It is our adaptation
+            of the idea of Tokuyoshi, who solves it for the squares of a reflective shadow map.
         mip_bias: number of levels to add to l.
         mip_filter: filter of the pyramid.
         projection: projection of the light: the dual paraboloid of the paper, or a cube with seamless edges.
@@ -97,15 +119,18 @@ class FilteredImportanceSampling(Method):
             paper hides the texels of its shadow maps by this; shadow rays do not need it. The cosine within the
             coefficients is blurred, too.
         points: the kind of the N points of the unit square.
-        seed: seed of random points.
+        seed: seed of random points and of the scrambling of Sobol's.
 
     Source: Krivanek and Colbert 2008, sections 4.2, 5.1 and 5.2. Differs: shadow rays instead of shadow maps, and
-    smoothing in the image, within the outline of the surface, instead of in the texture of the surface.
+    smoothing in the image, within the outline of the surface, instead of in the texture of the surface. Samplers, Heitz
+    2018; Dupuy and Benyoub 2023; Eto and Tokuyoshi 2023. The kernel of a stratum, after Tokuyoshi 2016.
     """
 
     samples: Annotated[int, Field(ge=1, le=1 << 20)] = 40
+    sampler: Sampler = "own"
     k: Annotated[float, Field(gt=0, le=1024)] = 4.0
     lod_bias: LodBias | None = None
+    kernel: Literal["point", "stratum"] = "point"
     mip_bias: Annotated[Finite, Field(ge=-4, le=4)] = 0.0
     mip_filter: MipFilter = "box"
     projection: Literal["cube", "dual_paraboloid"] = "cube"
@@ -132,7 +157,7 @@ class FilteredImportanceSampling(Method):
     @property
     def is_random(self) -> bool:
         """Whether the seed changes the image: only random points use it."""
-        return self.points == "random"
+        return self.points in SEEDED
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -140,6 +165,12 @@ class FilteredImportanceSampling(Method):
             raise InputError(
                 f"filtered_importance_sampling.lod_bias replaces k, got both {self.lod_bias!r} and {self.k!r}"
             )
+        if self.kernel == "stratum" and self.footprint == "affine":
+            raise InputError("filtered_importance_sampling.kernel 'stratum' is for the isotropic footprint, got affine")
+
+    def supports(self, material: Material, scene: Any) -> str | None:
+        """The reason why its lobes cannot be sampled in this way."""
+        return None if self.sampler == "own" else material.as_lobes().explain_sampler(self.sampler)
 
     def n_samples(self, material: Material) -> int:
         """Number of samples of all lobes, at least one for each."""
@@ -174,10 +205,10 @@ class FilteredImportanceSampling(Method):
         visibility_coefficients: PerPoint | None = None,
     ) -> Radiance:
         """Radiance (P, 3)."""
-        reflectance = material.as_lobes(points.device)
+        reflectance = material.as_lobes(points.device).sampled_by(self.sampler)
         occluder = occluder_of(scene) if self.visibility == "rays" else None
         u = points_2d(self.samples, self.points, self.seed).to(points.device)
-        level = self._level(self.samples, points.device)
+        level = self._level(self.samples, torch.ones((), device=points.device))
         hidden: Occluder | PerPoint | None = occluder
         if light_coefficients is not None and visibility_coefficients is not None:
             hidden, radiance = visibility_coefficients, torch.zeros(len(points), 3, device=points.device)
@@ -188,8 +219,11 @@ class FilteredImportanceSampling(Method):
         for lobe, n in zip(reflectance.lobes, reflectance.share(self.samples), strict=True):
             u = points_2d(n, self.points, self.seed).to(points.device)
             samples = lobe.sample_points(u)
-            level = self._level(n, points.device)
-            if self.footprint == "isotropic":
+            level = self._level(n, torch.sqrt(lobe.widths[0] * lobe.widths[1]))
+            if self.kernel == "stratum":
+                count = torch.tensor(n, device=points.device)
+                radiance += over_points(_sum_strata, points, n * 9, lobe, samples, pyramid, level, count, hidden) / n
+            elif self.footprint == "isotropic":
                 radiance += over_points(_sum_isotropic, points, n, lobe, samples, pyramid, level, hidden) / n
             else:
                 stepped = _make_steps(lobe, u)
@@ -198,10 +232,12 @@ class FilteredImportanceSampling(Method):
                 radiance += over_points(_sum_affine, points, n * self.probes, *arguments) / n
         return radiance
 
-    def _level(self, n: int, device: str) -> Tensor:
-        """log4(K / n) plus the bias."""
+    def _level(self, n: int, alpha: Tensor) -> Tensor:
+        """log4(K / n) plus the bias, which may be the width of the lobe."""
+        if self.lod_bias == "hdrp":
+            return alpha + (self.mip_bias - log2(n) / 2)
         extent = log2(self.k) / 2 if self.lod_bias is None else LOD_BIAS[self.lod_bias]
-        return torch.tensor(extent + self.mip_bias - log2(n) / 2, device=device)
+        return alpha.new_tensor(extent + self.mip_bias - log2(n) / 2)
 
 
 @kernel("filtered_importance_sampling")
@@ -215,6 +251,25 @@ def _sum_isotropic(
 ) -> Radiance:
     """Sum over samples of one lobe; level = log4(K / N) plus the bias."""
     wi, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
+    return weighted_radiance(pyramid, d, lod, _attenuate(weight, points, d, wi, hidden))
+
+
+@kernel("stratum_kernel")
+def _sum_strata(
+    points: ShadingPoints,
+    lobe: Lobe,
+    samples: Any,
+    pyramid: Environment,
+    level: Tensor,
+    n: Tensor,
+    hidden: Occluder | Tensor | None = None,
+) -> Radiance:
+    """`_sum_isotropic`, with levels by the mean density over the cone that holds 1 / n of the probability."""
+    wo = points.wo_local()
+    wi, pdf, weight = lobe.sample(wo, samples)
+    density = mean_pdf(lobe, wo, wi, pdf, n)
+    d = to_world(wi, points.t, points.b, points.n)
+    lod = level + 0.5 * (pyramid.log2_texels_per_sr(d) - torch.log2(density))
     return weighted_radiance(pyramid, d, lod, _attenuate(weight, points, d, wi, hidden))
 
 

@@ -181,6 +181,58 @@ def test_equal_cases_stop_no_claim_that_holds_elsewhere_and_come_before_noise():
     assert verdict_on(LOWER, *equal, *noise, *holds)["verdict"] == "holds"
 
 
+# readings
+
+
+def by_points(errors: dict[str, float], m: float = 0.1) -> list[dict[str, Any]]:
+    """A cell of each kind of points."""
+    material = {"m": [m, m]}
+    return [
+        cell("b", rms=e, options={"samples": 14, "points": p}, material_options=material) for p, e in errors.items()
+    ]
+
+
+def test_a_claim_says_under_which_readings_it_holds():
+    rows = [cell("a", rms=1.0), *by_points({"r2": 2.0, "halton": 1.6, "hammersley": 0.8})]
+    rows += [cell("a", rms=1.0, material_options={"m": [0.2, 0.2]}), *by_points({"r2": 4.0, "halton": 0.5}, 0.2)]
+
+    judgement = verdict_on(LOWER | {"by": "points"}, *rows)
+
+    assert judgement["verdict"] == "does not hold"
+    assert judgement["readings"] == [
+        "Holds by points r2 (0.25 to 0.5)",
+        "Does not hold by points halton (0.625 to 2), hammersley (1.25)",
+    ]
+    assert judgement["summary"].endswith(". Holds by points r2 (0.25 to 0.5). " + judgement["readings"][1] + ".")
+
+
+def test_a_reading_may_be_of_several_options_of_either_side():
+    first = [cell("a", rms=1.0, options={"samples": 14, "xi": xi}) for xi in (0.1, 0.2)]
+
+    judgement = verdict_on(
+        RATIO | {"of": "rms", "by": ["xi", "points"]}, *first, *by_points({"r2": 1.0, "halton": 4.0})
+    )
+
+    assert judgement["readings"] == [
+        "Holds by xi 0.1: points r2 (1); xi 0.2: points r2 (1)",
+        "Does not hold by xi 0.1: points halton (0.25); xi 0.2: points halton (0.25)",
+    ]
+
+
+def test_slopes_and_values_have_readings_too():
+    rows = [cell("a", rms=2.0**-i, options={"samples": 4**i, "k": 1}) for i in range(3)]
+
+    slope = verdict_on(SLOPE | {"by": "k"}, *rows)
+    value = verdict_on({"value": "a", "of": "rms", "between": [0.3, None], "by": "samples"}, *rows)
+
+    assert slope["readings"] == ["Holds by k 1 (-0.5)"]
+    assert value["readings"] == ["Holds by samples 1 (1), 4 (0.5)", "Does not hold by samples 16 (0.25)"]
+
+
+def test_a_claim_without_readings_has_none():
+    assert verdict_on(LOWER, cell("a", rms=1.0), *by_points({"r2": 2.0}))["readings"] == []
+
+
 # seeds of random points
 
 

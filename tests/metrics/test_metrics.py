@@ -2,6 +2,7 @@
 
 import math
 from math import inf, sqrt
+from statistics import median
 from types import SimpleNamespace
 
 import flip_evaluator
@@ -24,6 +25,8 @@ BY_HAND = {
     "mean_error": 1 / 6,
     "mean_absolute_error": 5 / 6,
     "mean_relative_error": (1 / 1 + 2 / 3) / 6,
+    "median_absolute_error": (3 / 3 + 2 / 3) / 2,  # of the two pixels
+    "median_relative_error": (1 / 1 + 2 / 3) / 6,
     "max_error": 2.0,
     "mrse": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,
     "mrse_trimmed": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,  # a thousandth of two pixels is zero pixels
@@ -166,6 +169,8 @@ def scalar(name, picture, truth):
         "mean_error": sum(x - y for x, y in numbers) / n,
         "mean_absolute_error": sum(abs(x - y) for x, y in numbers) / n,
         "mean_relative_error": sum(abs(x - y) / y for x, y in numbers if y > 0) / n,
+        "median_absolute_error": median(sum(abs(x - y) for x, y in pixel) / 3 for pixel in pixels),
+        "median_relative_error": median(sum(abs(x - y) / y for x, y in pixel if y > 0) / 3 for pixel in pixels),
         "max_error": max(abs(x - y) for x, y in numbers),
         "mrse": sum(relative) / len(relative),
         "mrse_trimmed": sum(relative[: len(relative) - len(relative) // 1000])
@@ -244,6 +249,46 @@ def test_trimming_drops_the_firefly_and_no_more_than_its_fraction():
     )  # measured 1.4e-16
 
 
+# Spaces.
+
+SEEN = {  # by hand, of a number
+    "linear": lambda v: v,
+    "clamped": lambda v: min(max(v, 0.0), 1.0),
+    "srgb8": lambda v: round(255 * display_value(min(max(v, 0.0), 1.0))) / 255,
+    "log": lambda v: math.log(1 + max(v, 0.0)),
+}
+
+
+def display_value(v):
+    """IEC 61966-2-1."""
+    return 12.92 * v if v <= 0.0031308 else 1.055 * v ** (1 / 2.4) - 0.055
+
+
+def in_space(name, picture):
+    seen = [[[SEEN[name](v) for v in pixel] for pixel in row] for row in picture.radiance.tolist()]
+    return SimpleNamespace(radiance=torch.tensor(seen, dtype=torch.float64), mask=picture.mask)
+
+
+@pytest.mark.parametrize("metric", ["rms", "mean_error", "median_absolute_error", "smape"])
+@pytest.mark.parametrize("space", SEEN)
+def test_a_space_is_that_of_each_number(space, metric):
+    picture, truth = noisy_pair()
+    picture.radiance[16, 10] = -0.5  # negative radiance is black
+
+    value = gb.metric(metric, space=space)(picture, truth)
+
+    assert value == pytest.approx(gb.metric(metric)(*(in_space(space, p) for p in (picture, truth))), rel=1e-13, abs=0)
+    others = [gb.metric(metric)(*(in_space(s, p) for p in (picture, truth))) for s in SEEN if s != space]
+    assert all(value != pytest.approx(other, rel=1e-4) for other in others)
+
+
+def test_an_error_above_white_is_not_seen_when_clamped():
+    white, whiter = image([[2.0] * 3] * 2), image([[3.0] * 3] * 2)
+
+    assert gb.metric("rms", space="clamped")(white, whiter) == gb.metric("rms", space="srgb8")(white, whiter) == 0
+    assert gb.metric("rms", space="log")(white, whiter) == pytest.approx(math.log(4 / 3))
+
+
 # Maps.
 
 FROM_MAP = {
@@ -257,6 +302,8 @@ FROM_MAP = {
     "smape": lambda e: e.mean(),
     "mean_absolute_error": lambda e: e.mean(),
     "mean_relative_error": lambda e: e.mean(),
+    "median_absolute_error": np.median,
+    "median_relative_error": np.median,
     "ssim": lambda e: 1 - e.mean(),
     "flip": lambda e: e.mean(),
 }

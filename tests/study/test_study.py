@@ -629,7 +629,7 @@ WRONG = [
     (a_study(seed="-1"), "6:7: seed must be greater than or equal to 0, got -1"),
     (a_study(device="tpu"), "6:9: device must be 'cpu' or 'cuda', got 'tpu'"),
     (a_study(metrics="[rms, rsm]"), "6:16: metrics[1]: unknown metric 'rsm'; did you mean 'rms'?"),
-    (a_study(metrics="[rms, rms]"), "6:16: metrics[1] states the same twice: rms {}"),
+    (a_study(metrics="[rms, rms]"), '6:16: metrics[1] states the same twice: rms {"space": "linear"}'),
     (
         a_study(reference="{relative_error: 0}"),
         "6:29: reference.relative_error must be greater than 0, got 0",
@@ -839,6 +839,10 @@ WRONG = [
     (
         a_study(claims="[{text: A, lower: sampler, than: sampler, metric: rms, paired_by: sample}]"),
         "6:75: claims[0].paired_by: no option of both methods 'sample'",
+    ),
+    (
+        a_study(claims="[{text: A, lower: sampler, than: sampler, metric: rms, by: sample}]"),
+        "6:68: claims[0].by: no option of its methods 'sample' in this study; did you mean 'samples'?",
     ),
     (
         a_study(claims="[{text: A, value: sampler, of: rms, equals: 1, where: {sample: 1}}]"),
