@@ -8,6 +8,7 @@ list.
 
 from glossbench.brdf.lobe import Lobe
 from glossbench.brdf.material import Material, Reflectance
+from glossbench.brdf.microfacet import Microfacet
 from glossbench.channels import LUMINANCE, Channels, merge_channels, widen
 from glossbench.directions import (
     PointSet,
@@ -39,6 +40,7 @@ from glossbench.envmap.pyramid import (
     build_pyramid,
     finest,
     halve,
+    join_levels,
     lookup,
     weighted_radiance,
 )
@@ -80,7 +82,17 @@ from glossbench.prefilter.filtered_samples import FilteredSamples, filtered_samp
 from glossbench.prefilter.light_shadows import NoShadows, Shadows, Visibility, no_shadows, shadows
 from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
 from glossbench.prefilter.median_cut import Partition, make_whole, median_cut
+from glossbench.prefilter.round_lobes import (
+    ROUND_LOBES,
+    RoundCosine,
+    RoundGaussian,
+    RoundGGX,
+    RoundLobe,
+    RoundShape,
+    Weight,
+)
 from glossbench.prefilter.stages import irradiance, pyramid
+from glossbench.prefilter.texel_sums import sum_over_level, sum_over_tree
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
 from glossbench.shading.kernels import Kernel, PerPoint, kernel, over_points
@@ -138,6 +150,7 @@ __all__ = [
     "build_pyramid",
     "finest",
     "halve",
+    "join_levels",
     "lookup",
     "weighted_radiance",
     # The material: a sum of lobes and a diffuse part, by channel.
@@ -145,10 +158,21 @@ __all__ = [
     "LUMINANCE",
     "Lobe",
     "Material",
+    "Microfacet",
     "Radiance",
     "Reflectance",
     "merge_channels",
     "widen",
+    # The light under lobes that are round about a direction.
+    "ROUND_LOBES",
+    "RoundCosine",
+    "RoundGGX",
+    "RoundGaussian",
+    "RoundLobe",
+    "RoundShape",
+    "Weight",
+    "sum_over_level",
+    "sum_over_tree",
     # The scene: the points to shade, and the occluder that hides light from them.
     "Occluder",
     "ShadingPoints",
