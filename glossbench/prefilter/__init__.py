@@ -6,6 +6,7 @@ and the rooms below (truth, shading, metrics, scene, brdf, envmap, process, cata
 list.
 """
 
+from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe
 from glossbench.brdf.lobe import Lobe
 from glossbench.brdf.material import Material, Reflectance
 from glossbench.brdf.microfacet import Microfacet
@@ -93,6 +94,7 @@ from glossbench.prefilter.round_lobes import (
 )
 from glossbench.prefilter.stages import irradiance, pyramid
 from glossbench.prefilter.texel_sums import sum_over_level, sum_over_tree
+from glossbench.prefilter.view_table import ViewTable, tabulate
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
 from glossbench.shading.kernels import Kernel, PerPoint, kernel, over_points
@@ -155,15 +157,17 @@ __all__ = [
     "weighted_radiance",
     # The material: a sum of lobes and a diffuse part, by channel.
     "Channels",
+    "CosineLobe",
     "LUMINANCE",
     "Lobe",
+    "MIRROR",
     "Material",
     "Microfacet",
     "Radiance",
     "Reflectance",
     "merge_channels",
     "widen",
-    # The light under lobes that are round about a direction.
+    # The light under lobes that are round about a direction, and what they return to a view.
     "ROUND_LOBES",
     "RoundCosine",
     "RoundGGX",
@@ -171,8 +175,10 @@ __all__ = [
     "RoundLobe",
     "RoundShape",
     "Weight",
+    "ViewTable",
     "sum_over_level",
     "sum_over_tree",
+    "tabulate",
     # The scene: the points to shade, and the occluder that hides light from them.
     "Occluder",
     "ShadingPoints",

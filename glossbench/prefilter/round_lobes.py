@@ -24,10 +24,12 @@ class RoundLobe:
     Attributes:
         alpha: width, the alpha of GGX of the same width at its peak.
         weight: one, cos (c), g2 (GGX shadowing of l as seen from R), or cos_g (c times the G1 of Schlick, k = alpha/2).
+        reach: largest `away` at which the lobe is not cut off; None if it ends at the horizon.
     """
 
     alpha: Scalar
     weight: Weight = "one"
+    reach: Scalar | None = None
 
     def shape(self, away: PairValues) -> PairValues:
         """The lobe without its weight, at most about 1."""
@@ -43,17 +45,17 @@ class RoundLobe:
         g2 = 2 c / (c + sqrt(alpha^2 + (1 - alpha^2) c^2)): Heitz 2014 eq. 99 for Lambda(wo) = 0. With it the lobe of
         GGX is its BRDF times cosine for n = wo = R and F = 1.
         """
-        c = (1 - away).clamp(min=0)
+        c, value = (1 - away).clamp(min=0), self.shape(away)
         if self.weight == "one":
-            return torch.where(away < 1, self.shape(away), 0.0)
-        if self.weight == "g2":
+            value = torch.where(away < 1, value, 0.0)
+        elif self.weight == "g2":
             alpha2 = self.alpha * self.alpha
-            weight = 2 * c / (c + torch.sqrt(alpha2 + (1 - alpha2) * c * c))
+            value = value * 2 * c / (c + torch.sqrt(alpha2 + (1 - alpha2) * c * c))
         elif self.weight == "cos_g":
-            weight = c * c / (c * (1 - self.alpha / 2) + self.alpha / 2)
+            value = value * c * c / (c * (1 - self.alpha / 2) + self.alpha / 2)
         else:
-            weight = c
-        return self.shape(away) * weight
+            value = value * c
+        return value if self.reach is None else torch.where(away <= self.reach, value, 0.0)
 
 
 @dataclass(frozen=True)

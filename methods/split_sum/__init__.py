@@ -20,6 +20,7 @@ from glossbench.prefilter import (
     Resolution,
     RoundShape,
     ShadingPoints,
+    ViewTable,
     Weight,
     diffuse_radiance,
     from_cubemap,
@@ -36,7 +37,7 @@ from glossbench.prefilter import (
 
 from .chain import build_chain, build_exact_level, lay_out
 from .directions import lean
-from .final import ViewTable, build_table, fit_terms
+from .final import build_table, fit_terms
 from .mappings import MAPPINGS, MappingName
 from .settings import PRESETS, Direction, Estimator, Final, Preset, Settings, Source, Storage, TexelArea
 
@@ -73,7 +74,7 @@ class SplitSum(Method):
         estimator: exhaustive, a sum over texels; fis, samples of the lobe that read a box pyramid; cone, samples
             uniform in a cone; hybrid, fis and in the last three levels exhaustive.
         samples: of fis and cone: one number, or one for each level from level 1 on; the last serves the rest, too.
-        tail: u of a sample's angle is multiplied by it: below 1 the far end of the lobe is cut off.
+        tail: share of the lobe that is used: u of a sample's angle is multiplied by it, and a sum ends where it ends.
         lod_bias: levels to add to log4(1 / (N pdf Omega)); "alpha" adds alpha; -16 reads the light itself.
         texel_area: Omega. cube, 4 pi / (6 R^2); output, with R of the level that is filtered, not of its source;
             octahedral, the cube's formula on an octahedral map with as many texels: 1.29 levels coarser.
@@ -198,7 +199,8 @@ class SplitSum(Method):
                 levels, at = chain, MAPPINGS[settings.mapping].level(alpha, lay_out(light, settings))
             level = torch.tensor(at, device=points.device)
             P = over_points(_read, points, 8, levels, level, alpha, settings.direction)
-            x, y = fit_terms(alpha**0.5, cos_o) if settings.final == "fit" else tables[k].at(cos_o)
+            terms = fit_terms(alpha**0.5, cos_o) if settings.final == "fit" else tables[k].at(cos_o)
+            x, y = terms.unbind(1)
             albedo = [f0 * (y - x) + x for f0 in lobe.f0]
             if settings.multiscatter:
                 albedo = [a * (1 + f0 * (1 / y - 1)) for a, f0 in zip(albedo, lobe.f0, strict=True)]

@@ -95,7 +95,11 @@ def compute_step(before: float, alpha: float, settings: Settings) -> float:
 
 
 def _make_lobe(alpha: float, settings: Settings, light: CubeMap) -> RoundLobe:
-    return ROUND_LOBES[settings.lobe](torch.tensor(min(alpha, 1.0), device=light.faces.device), settings.weight)
+    """The lobe of a level; an exhaustive sum cuts off its tail where samples of it would end."""
+    lobe = ROUND_LOBES[settings.lobe](torch.tensor(min(alpha, 1.0), device=light.faces.device), settings.weight)
+    if settings.tail == 1:
+        return lobe
+    return replace(lobe, reach=lobe.sample(torch.tensor(settings.tail))[0])
 
 
 def _level(source: Pyramid, edge: int) -> Tensor:
