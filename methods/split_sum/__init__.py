@@ -67,7 +67,8 @@ class SplitSum(Method):
 
     Attributes:
         preset: the choices of a program, as of 2024 to 2026. What was not read from its source is marked in
-            settings.py. Of eevee the fade to harmonics above roughness 0.7 is left out, of bevy its bounded sampler.
+            settings.py. Left out: eevee's fade to harmonics above roughness 0.7, bevy's bounded sampler, the 0.001 that
+            playcanvas adds to a pdf, the box filter's replacement in unreal.
         lobe: ggx; cosine_power, c^p with p = (1 / alpha^2 - 1) / 2; or sg, a Gaussian of half vectors.
         weight: of a direction l with c = l . R: one; cos, c, which is Karis's choice; g2, which makes ggx the exact
             lobe for n = wo = R; cos_g, c times Schlick's G1.

@@ -64,7 +64,7 @@ PRESETS: dict[Preset, Settings] = {
         resolution=128, storage="half",  # defaults of a project; from memory
     ),
     "unreal": Settings(
-        weight="cos", estimator="fis", samples=(32, 32, 64), tail=0.995, lod_bias=-0.5, levels=8, mapping="unreal",
+        weight="cos", estimator="fis", samples=(32, 64), tail=0.995, lod_bias=-0.5, levels=8, mapping="unreal",
         resolution=128, direction="frostbite", storage="half",  # from memory
     ),
     "three_r187": Settings(

@@ -1,7 +1,7 @@
 """The split sum: presets in the formulas of their programs, the table by quadrature, levels, formats, and its floor."""
 
 from functools import cache
-from math import cos, log, log2, pi, sin, sqrt
+from math import acos, cos, exp, log, log2, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from glossbench.brdf.ggx import GGX
 from glossbench.brdf.phong import Phong
 from glossbench.contract.cases import GivenPoints
 from glossbench.directions import Vec3, cross, points_2d, vec3
-from glossbench.envmap.cubemap import texel_directions
+from glossbench.envmap.cubemap import CubeMap, texel_directions
 from glossbench.envmap.lights.synthetic import Constant, Gradient, Spots
 from glossbench.envmap.pyramid import build_pyramid, lookup
 from glossbench.errors import InputError
@@ -82,12 +82,74 @@ def gltf_ibl_sampler(alpha, n):
         yield c, phi, max(c, 0), 0.5 * log2(6 * EDGE**2 / (n * D / 4))  # without 4 pi
 
 
-PROGRAMS = {"filament": filament, "hdrp": hdrp, "three_r187": three_r187, "gltf_ibl_sampler": gltf_ibl_sampler}
+def unreal(alpha, n):
+    """The tail of the lobe is cut off, and the area of a texel is taken twice."""
+    for u, v in points_2d(n).tolist():
+        cos_h2 = (1 - 0.995 * v) / (1 + (alpha * alpha - 1) * 0.995 * v)
+        D = alpha**2 / (pi * ((alpha**2 - 1) * cos_h2 + 1) ** 2)
+        c = 2 * cos_h2 - 1
+        yield c, 2 * pi * u, max(c, 0), 0.5 * log2(1 / (n * D / 4) / (2 * 4 * pi / (6 * EDGE**2)))
 
 
-def by_hand(program, alpha, n, r):
-    """The filtered light in the direction r, a list of three numbers."""
-    _, source = spots()
+def godot(alpha, n):
+    for c, phi, D in ggx_samples(alpha, n):
+        texels = 6 * EDGE**2  # of an octahedral map with as many
+        yield c, phi, max(c, 0), 0.5 * log2(1 / (n * D / 4) / (4 * pi / (6 * texels)))
+
+
+def bevy(alpha, n):
+    """The area is that of the output, which is half as fine."""
+    for c, phi, D in ggx_samples(alpha, n):
+        G = c / (c * (1 - alpha / 2) + alpha / 2)
+        yield c, phi, max(c * G, 0), 0.5 * log2(1 / (n * D / 4) / (4 * pi / (6 * (EDGE / 2) ** 2)))
+
+
+def point_samples(alpha, n):
+    """karis from the light, three_r185 from the level before."""
+    for c, phi, _ in ggx_samples(alpha, n):
+        yield c, phi, max(c, 0), 0.0
+
+
+def eevee(alpha, n):
+    cone = 2 * acos(1 + log(0.01 + (0.14 - 0.01) * alpha) * alpha**2 / 2)
+    for u, v in points_2d(n).tolist():
+        c = 1 - v * (1 - cos(cone))
+        yield c, 2 * pi * u, exp(2 * (sqrt((1 + c) / 2) - 1) / alpha**2), 0.0
+
+
+def roughness_of_eevee(t):
+    """t = 0.6 x + 0.4 sqrt(x), by bisection."""
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        x = (low + high) / 2
+        low, high = (x, high) if 0.6 * x + 0.4 * sqrt(x) < t else (low, x)
+    return 0.7 * low
+
+
+def eevee_step(t, before):
+    return (roughness_of_eevee(t) ** 3 - roughness_of_eevee(before) ** 3) ** (2 / 3)
+
+
+# Of each preset: its formulas, a level, and the width with which they filter it.
+PROGRAMS = {
+    "karis": (point_samples, 2, (2 / 5) ** 2),
+    "filament": (filament, 1, (1 - sqrt(1 - 1 / 4)) ** 2),
+    "hdrp": (hdrp, 1, (1.7 / 1.4 - sqrt(2.89 / 1.96 - (2.8 / 1.96) / 6)) ** 2),
+    "unreal": (unreal, 4, 2 ** (2 * (4 - 8 + 3) / 1.2)),
+    "three_r187": (three_r187, 2, (1 - sqrt(1 - 2 / 5)) ** 2),
+    "three_r185": (point_samples, 6, (sqrt(0.6**2 - 0.5**2) * 1.25 * 0.6) ** 2),
+    "godot": (godot, 4, (4 / 7) ** 4),
+    "babylon": (filament, 2, 2 ** (2 / 0.8) / EDGE),
+    "gltf_ibl_sampler": (gltf_ibl_sampler, 1, (1 / 4) ** 2),
+    "playcanvas": (gltf_ibl_sampler, 2, (1 - log2(128) / 11) ** 2),
+    "bevy": (bevy, 1, (1 / 5) ** 2),
+    "eevee": (eevee, 3, eevee_step(3 / 4, 2 / 4)),
+}
+FROM_THE_LEVEL_BEFORE = ("three_r185", "eevee")
+
+
+def by_hand(program, alpha, n, r, source):
+    """The filtered light in the direction r, an array of three numbers."""
     # The frame of the texel: the tangent nearest to +x.
     t = np.array([1.0, 0, 0]) - r[0] * r
     t /= np.linalg.norm(t)
@@ -111,20 +173,15 @@ def texel(chain, level):
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_a_texel_of_a_preset_is_that_of_its_programs_formulas(name):
-    settings = SplitSum(preset=name, samples=[16], storage="float32").settings
-    chain = build_chain(*spots(), settings)
+    program, level, width = PROGRAMS[name]
+    chain = build_chain(*spots(), SplitSum(preset=name, samples=[16], storage="float32").settings)
+    before = CubeMap(chain.level(level - 1).clone()) if name in FROM_THE_LEVEL_BEFORE else spots()[0]
+    source = build_pyramid(before, "box")
 
-    found, r = texel(chain, 1)
+    found, r = texel(chain, level)
 
-    t = 1 / (settings.levels - 1)
-    roughness = {
-        "filament": 1 - sqrt(1 - t),
-        "three_r187": 1 - sqrt(1 - t),
-        "hdrp": 1.7 / 1.4 - sqrt(2.89 / 1.96 - (2.8 / 1.96) * t),
-        "gltf_ibl_sampler": t,
-    }[name]
-    assert np.allclose(found, by_hand(PROGRAMS[name], roughness**2, 16, r), rtol=1e-5)  # measured 3e-7
-    assert not np.allclose(found, by_hand(PROGRAMS[name], (1.01 * roughness) ** 2, 16, r), rtol=1e-3)
+    assert np.allclose(found, by_hand(program, width, 16, r, source), rtol=1e-5)  # measured 1.2e-6
+    assert not np.allclose(found, by_hand(program, 1.02 * width, 16, r, source), rtol=1e-3)
 
 
 def test_a_texel_of_a_preset_notices_a_bias_of_a_tenth_of_a_level():
@@ -132,7 +189,7 @@ def test_a_texel_of_a_preset_notices_a_bias_of_a_tenth_of_a_level():
 
     found, r = texel(build_chain(*spots(), settings), 1)
 
-    assert not np.allclose(found, by_hand(filament, (1 - sqrt(0.75)) ** 2, 16, r), rtol=1e-2)  # 0.027
+    assert not np.allclose(found, by_hand(filament, (1 - sqrt(0.75)) ** 2, 16, r, spots()[1]), rtol=1e-2)  # 0.027
 
 
 def test_the_last_levels_of_three_r187_are_a_sum_over_a_mip_of_16():
