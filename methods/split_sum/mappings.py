@@ -44,7 +44,8 @@ def _linear(x: float) -> float:
     return x
 
 
-# Roughness at the ends of the linear parts of three.js r182 to r186, and the mip of each; level = log2(edge) - mip.
+# Roughness at the ends of the linear parts of three.js r182 to r186, and the mip of each. The last level has mip -2;
+# there are log2(edge) + 3 levels, 11 for a cube of 256.
 _THREE = ((1.0, -2.0), (0.8, -1.0), (0.4, 2.0), (0.305, 3.0), (0.21, 4.0))
 
 
@@ -54,7 +55,7 @@ def _three_level(alpha: float, layout: Layout) -> float:
     for (high, at_high), (low, at_low) in pairwise(_THREE):
         if low <= r <= high:
             mip = at_high + (high - r) / (high - low) * (at_low - at_high)
-    return log2(layout.edge) - mip
+    return layout.levels - 3 - mip
 
 
 def _unreal_alpha(level: int, layout: Layout) -> float:
