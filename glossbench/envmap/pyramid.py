@@ -4,7 +4,7 @@ All levels lie in one flat table of texels. Each face has a one-texel border fro
 rows of the table and eight weights, without a branch. Level l has R / 2^l texels along an edge.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -115,6 +115,14 @@ def finest(light: CubeMap) -> Pyramid:
     """The light itself as a pyramid of one level."""
     sizes = torch.tensor([light.resolution], dtype=torch.int32, device=light.faces.device)
     return Pyramid(add_border(light.faces).reshape(-1, 3), torch.zeros_like(sizes), sizes)
+
+
+def join_levels(levels: Sequence[Tensor]) -> Pyramid:
+    """A pyramid of given faces (6, R_l, R_l, 3), of any sizes, from fine to coarse."""
+    sizes = [faces.shape[1] for faces in levels]
+    offsets = [sum(6 * (n + 2) ** 2 for n in sizes[:level]) for level in range(len(sizes))]
+    starts, edges = torch.tensor([offsets, sizes], dtype=torch.int32, device=levels[0].device)
+    return Pyramid(torch.cat([add_border(faces).reshape(-1, 3) for faces in levels]), starts, edges)
 
 
 def build_pyramid(light: CubeMap, mip_filter: MipFilter) -> Pyramid:

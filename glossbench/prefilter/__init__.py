@@ -6,8 +6,10 @@ and the rooms below (truth, shading, metrics, scene, brdf, envmap, process, cata
 list.
 """
 
+from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe
 from glossbench.brdf.lobe import Lobe, Sampler
 from glossbench.brdf.material import Material, Reflectance
+from glossbench.brdf.microfacet import Microfacet
 from glossbench.channels import LUMINANCE, Channels, merge_channels, widen
 from glossbench.directions import (
     SEEDED,
@@ -40,6 +42,7 @@ from glossbench.envmap.pyramid import (
     build_pyramid,
     finest,
     halve,
+    join_levels,
     lookup,
     weighted_radiance,
 )
@@ -81,7 +84,18 @@ from glossbench.prefilter.filtered_samples import FilteredSamples, filtered_samp
 from glossbench.prefilter.light_shadows import NoShadows, Shadows, Visibility, no_shadows, shadows
 from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
 from glossbench.prefilter.median_cut import Partition, make_whole, median_cut
+from glossbench.prefilter.round_lobes import (
+    ROUND_LOBES,
+    RoundCosine,
+    RoundGaussian,
+    RoundGGX,
+    RoundLobe,
+    RoundShape,
+    Weight,
+)
 from glossbench.prefilter.stages import irradiance, pyramid
+from glossbench.prefilter.texel_sums import sum_over_level, sum_over_tree
+from glossbench.prefilter.view_table import ViewTable, tabulate
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
 from glossbench.shading.kernels import Kernel, PerPoint, kernel, over_points
@@ -140,18 +154,34 @@ __all__ = [
     "build_pyramid",
     "finest",
     "halve",
+    "join_levels",
     "lookup",
     "weighted_radiance",
     # The material: a sum of lobes and a diffuse part, by channel.
     "Channels",
+    "CosineLobe",
     "LUMINANCE",
     "Lobe",
+    "MIRROR",
     "Material",
+    "Microfacet",
     "Radiance",
     "Reflectance",
     "Sampler",
     "merge_channels",
     "widen",
+    # The light under lobes that are round about a direction, and what they return to a view.
+    "ROUND_LOBES",
+    "RoundCosine",
+    "RoundGGX",
+    "RoundGaussian",
+    "RoundLobe",
+    "RoundShape",
+    "Weight",
+    "ViewTable",
+    "sum_over_level",
+    "sum_over_tree",
+    "tabulate",
     # The scene: the points to shade, and the occluder that hides light from them.
     "Occluder",
     "ShadingPoints",

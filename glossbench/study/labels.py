@@ -35,6 +35,7 @@ def distinguish_rows(rows: Sequence[Mapping[str, Any]], over: str | None = None)
     The first are the options that distinguish the row from the other rows of its method, without the plotted option
     `over`, and without the number of samples under another name. The second leaves out, too, the options whose value
     `over` alone determines, as when a study pairs two options. A tuned option states how it was tuned, not its value.
+    An option that is null is left out: it was not chosen.
 
     Args:
         over: the option on the horizontal axis of a plot, or a parameter such as "material.s"; None is the budget of
@@ -62,7 +63,8 @@ def _distinguish_rows(rows: Sequence[Mapping[str, Any]], over: str | None) -> li
     shown = [{key: v for key, v in each.items() if key not in keys or _is_tuned(v)} for each in every]
     texts = {key: format_values(each[key] for each in shown if key in each) for key in find_differing(shown)}
     free = {key for key in texts if key in keys or not _follows([each.get(key) for each in shown], asked, over is None)}
-    told = [{key: text[_make_key(each[key])] for key, text in texts.items() if key in each} for each in shown]
+    told = [{key: text[_make_key(each[key])] for key, text in texts.items() if each.get(key) is not None}
+            for each in shown]  # fmt: skip
     return [(own, {key: text for key, text in own.items() if key in free}) for own in told]
 
 

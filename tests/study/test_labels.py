@@ -116,6 +116,13 @@ def test_two_ways_to_tune_are_distinguished_and_one_way_is_not_shown():
     ]  # fmt: skip
 
 
+def test_an_option_that_is_null_is_left_out():
+    chosen = [row(options={"samples": 4, "lobe": lobe, "weight": weight}) for lobe, weight in
+              ((None, None), ("sg", None), (None, "cos"))]  # fmt: skip
+
+    assert told(*chosen) == [{}, {"lobe": "sg"}, {"weight": "cos"}]
+
+
 def test_a_failed_cell_of_a_tuned_method_does_not_pass_for_a_stated_one():
     failed = biased(-2.0, RMS, status="failed", n_samples=0) | {"tuned": "{}"}
 

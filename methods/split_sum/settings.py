@@ -1,0 +1,102 @@
+"""What a split sum consists of, and the choices of known programs as one table of presets."""
+
+from dataclasses import dataclass
+from math import log, pi
+from typing import Literal
+
+from glossbench.prefilter import RoundShape, Weight
+
+from .mappings import MappingName
+
+Estimator = Literal["exhaustive", "fis", "hybrid", "cone"]
+TexelArea = Literal["cube", "octahedral", "output"]
+Source = Literal["light", "three_r185", "eevee"]
+Direction = Literal["mirror", "filament", "frostbite", "hdrp"]
+Final = Literal["table", "fit"]
+Storage = Literal["float32", "half", "r11g11b10"]
+Preset = Literal[
+    "filament", "hdrp", "unreal", "three_r187", "three_r185", "godot", "babylon", "gltf_ibl_sampler", "playcanvas",
+    "bevy", "eevee", "karis",
+]  # fmt: skip
+
+LEVEL_0 = -16.0  # a bias below all levels: samples read the light itself
+FOUR_PI = log(4 * pi, 4)  # 1.83 levels: the 4 pi of the sphere is left out
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All options of the method without its preset; the defaults are the floor of the family, see `SplitSum`."""
+
+    lobe: RoundShape = "ggx"
+    weight: Weight = "g2"
+    estimator: Estimator = "exhaustive"
+    samples: tuple[int, ...] = (1024,)
+    tail: float = 1.0
+    lod_bias: float | Literal["alpha"] = 0.0
+    texel_area: TexelArea = "cube"
+    sum_edge: int | None = None
+    source: Source = "light"
+    resolution: int = 256
+    levels: int = 6
+    smallest: int = 1
+    mapping: MappingName = "exact"
+    storage: Storage = "float32"
+    direction: Direction = "mirror"
+    final: Final = "table"
+    multiscatter: bool = False
+
+
+# Sources: see `SplitSum`. A comment marks what is from memory, not from a source.
+PRESETS: dict[Preset, Settings] = {
+    "karis": Settings(
+        weight="cos", estimator="fis", samples=(1024,), lod_bias=LEVEL_0,
+        mapping="linear",  # not stated in the notes
+        storage="half",  # not stated in the notes
+    ),
+    "filament": Settings(
+        weight="cos", estimator="fis", samples=(1024, 2048, 4096, 8192), lod_bias=1.0, levels=5, mapping="filament",
+        direction="filament",
+        storage="r11g11b10",  # of cmgen's KTX files; from memory
+    ),
+    "hdrp": Settings(
+        weight="g2", estimator="fis", samples=(21, 34, 55, 89, 89, 89), lod_bias="alpha", levels=7, mapping="hdrp",
+        direction="hdrp",
+        resolution=128, storage="half",  # defaults of a project; from memory
+    ),
+    "unreal": Settings(
+        weight="cos", estimator="fis", samples=(32, 64), tail=0.995, lod_bias=-0.5, levels=8, mapping="unreal",
+        resolution=128, direction="frostbite", storage="half",  # from memory
+    ),
+    "three_r187": Settings(
+        weight="cos", estimator="hybrid", samples=(256,), lod_bias=0.5, sum_edge=16, levels=6, mapping="filament",
+        storage="half",
+    ),
+    "three_r185": Settings(
+        weight="cos", estimator="fis", samples=(2048,), source="three_r185", levels=11, smallest=16,
+        mapping="three_r185", storage="half",
+    ),
+    "godot": Settings(
+        weight="cos", estimator="fis", texel_area="octahedral", levels=8, mapping="godot", storage="half",
+        samples=(64,),  # from memory
+    ),
+    "babylon": Settings(
+        weight="cos", estimator="fis", lod_bias=1.0, levels=9, mapping="babylon", storage="half",
+        samples=(1024,),  # its offline quality; from memory
+    ),
+    "gltf_ibl_sampler": Settings(
+        weight="cos", estimator="fis", samples=(1024,), lod_bias=FOUR_PI, mapping="linear", storage="half",
+        levels=5,  # from memory
+    ),
+    "playcanvas": Settings(
+        weight="cos", estimator="fis", samples=(1024,), lod_bias=FOUR_PI, levels=6, mapping="playcanvas",
+        storage="half",  # 8 bits of RGBP by default
+    ),
+    "bevy": Settings(
+        weight="cos_g", estimator="fis", texel_area="output",
+        levels=6, mapping="linear", samples=(64,), storage="half",  # from memory
+    ),
+    "eevee": Settings(
+        lobe="sg", weight="one", estimator="cone", samples=(196,), source="eevee", levels=5, mapping="eevee",
+        direction="frostbite", storage="half",
+    ),
+}  # fmt: skip
