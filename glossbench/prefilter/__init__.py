@@ -8,6 +8,7 @@ list.
 
 from glossbench.brdf.lobe import Lobe
 from glossbench.brdf.material import Material, Reflectance
+from glossbench.catalog.locate import locate
 from glossbench.channels import LUMINANCE, Channels, merge_channels, widen
 from glossbench.directions import (
     PointSet,
@@ -27,6 +28,8 @@ from glossbench.directions import (
     vec3,
 )
 from glossbench.envmap.cubemap import CubeMap, add_border, face_coordinates, texel_directions, texel_solid_angles
+from glossbench.envmap.formats.files import read_file
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.harmonics import project, sh_basis
 from glossbench.envmap.importance import luminance_distribution
 from glossbench.envmap.projections.conversion import from_cubemap
@@ -55,6 +58,7 @@ from glossbench.factorization import (
     weight_rows,
 )
 from glossbench.options import Color, Finite, Fraction, NonNegative, Resolution, Seed
+from glossbench.prefilter.albedo import AlbedoTable, read_albedo, tabulate_albedo
 from glossbench.prefilter.cosine_lobes.calibration import (
     N_ANGLES,
     N_AZIMUTHS,
@@ -83,6 +87,7 @@ from glossbench.prefilter.median_cut import Partition, make_whole, median_cut
 from glossbench.prefilter.stages import irradiance, pyramid
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
+from glossbench.shading.costs import Costs, Timing
 from glossbench.shading.kernels import Kernel, PerPoint, kernel, over_points
 from glossbench.shading.method import METHODS, Contract, Method, stage
 from glossbench.shading.visibility import occluder_of, unhidden
@@ -96,6 +101,12 @@ __all__ = [
     "METHODS",
     "Method",
     "stage",
+    # Images of other programs, and their costs.
+    "Costs",
+    "ImageContent",
+    "Timing",
+    "locate",
+    "read_file",
     # Types of options, with bounds that are checked in YAML, in Python and on the command line.
     "Color",
     "Finite",
@@ -163,6 +174,10 @@ __all__ = [
     "PerPoint",
     "kernel",
     "over_points",
+    # The directional albedo of a lobe by view.
+    "AlbedoTable",
+    "read_albedo",
+    "tabulate_albedo",
     # Stages and samples that methods share, and the diffuse part.
     "FilteredSamples",
     "diffuse_radiance",
