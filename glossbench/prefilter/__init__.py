@@ -81,6 +81,7 @@ from glossbench.prefilter.cosine_lobes.pyramid import (
 )
 from glossbench.prefilter.diffuse import diffuse_radiance, visible_diffuse
 from glossbench.prefilter.filtered_samples import FilteredSamples, filtered_samples
+from glossbench.prefilter.ggx_chain import filter_ggx, ggx_levels, level_of_alpha
 from glossbench.prefilter.light_shadows import NoShadows, Shadows, Visibility, no_shadows, shadows
 from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
 from glossbench.prefilter.median_cut import Partition, make_whole, median_cut
@@ -151,6 +152,10 @@ __all__ = [
     "halve",
     "lookup",
     "weighted_radiance",
+    # The light filtered by round lobes of GGX, by alpha.
+    "filter_ggx",
+    "ggx_levels",
+    "level_of_alpha",
     # The material: a sum of lobes and a diffuse part, by channel.
     "Channels",
     "LUMINANCE",
