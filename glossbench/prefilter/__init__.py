@@ -8,6 +8,7 @@ list.
 
 from glossbench.brdf.lobe import Lobe
 from glossbench.brdf.material import Material, Reflectance
+from glossbench.brdf.microfacet import Microfacet
 from glossbench.catalog.locate import locate
 from glossbench.channels import LUMINANCE, Channels, merge_channels, widen
 from glossbench.directions import (
@@ -161,6 +162,7 @@ __all__ = [
     "LUMINANCE",
     "Lobe",
     "Material",
+    "Microfacet",
     "Radiance",
     "Reflectance",
     "merge_channels",
