@@ -5,7 +5,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 from torch import Tensor
 
@@ -14,6 +13,7 @@ from glossbench.prefilter import (
     Contract,
     CubeMap,
     Environment,
+    Floats,
     Lobe,
     Material,
     Method,
@@ -45,8 +45,6 @@ RINGS = {8: (1, 7), 16: (1, 6, 9), 32: (1, 6, 10, 15)}
 # and the interpolation: n / 12 + 1 / 6.
 SPREAD: dict[MipFilter, float] = {"box": sqrt(1 / 4), "gauss4": sqrt(5 / 12), "gauss6": sqrt(7 / 12)}
 N_ANGLES, N_AZIMUTHS = 128, 37  # of the directions of the fit; a prime, so that they do not repeat with a ring's taps
-
-Floats = NDArray[np.float64]
 
 
 class Taps(NamedTuple):

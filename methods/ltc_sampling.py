@@ -5,7 +5,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from pydantic import Field
 from scipy.optimize import minimize
 from torch import Tensor
@@ -15,6 +14,7 @@ from glossbench.prefilter import (
     Contract,
     Environment,
     Finite,
+    Floats,
     Lobe,
     Material,
     Method,
@@ -40,8 +40,6 @@ from glossbench.prefilter import (
 
 VIEWS = 32  # entries of the table, evenly spaced in the angle to the normal, which is the first
 FIT_SAMPLES = 1024  # of the lobe, for each entry
-
-Floats = NDArray[np.float64]
 
 
 class Transforms(NamedTuple):

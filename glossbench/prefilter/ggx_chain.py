@@ -35,11 +35,11 @@ def filter_ggx(faces: Faces, alpha: float, edge: int) -> Faces:
     weighted = torch.cat([faces * solid_angle, solid_angle], dim=3).reshape(-1, 4)
     light = stack(texel_directions(resolution)).reshape(-1, 3).T.to(faces.device)
     r = stack(texel_directions(edge)).reshape(-1, 3).to(faces.device)
-    sums = torch.cat([_weigh(some @ light, alpha) @ weighted for some in r.split(max(1, PAIRS // light.shape[1]))])
+    sums = torch.cat([weigh(some @ light, alpha) @ weighted for some in r.split(max(1, PAIRS // light.shape[1]))])
     return (sums[:, :3] / sums[:, 3:]).view(6, edge, edge, 3)
 
 
-def _weigh(cos: Tensor, alpha: float) -> Tensor:
+def weigh(cos: Tensor, alpha: float) -> Tensor:
     """w at cos = r . wi, up to a factor, in place of cos; cos_h^2 = (1 + cos) / 2."""
     a2 = alpha * alpha
     cos.clamp_(min=0)

@@ -59,21 +59,21 @@ def test_a_filtered_texel_is_the_mean_under_the_lobe(alpha):
 
 
 def test_that_check_notices_the_cosine_in_place_of_the_exact_weight(monkeypatch):
-    right = module._weigh
+    right = module.weigh
 
     def by_cosine(cos, alpha):
         cos_i = cos.clamp(min=0)
         over_G2 = (cos_i + torch.sqrt(alpha**2 + (1 - alpha**2) * cos_i**2)) / 2
         return right(cos, alpha) * over_G2
 
-    monkeypatch.setattr(module, "_weigh", by_cosine)
+    monkeypatch.setattr(module, "weigh", by_cosine)
 
     assert error(0.8) > 2e-3
 
 
 def test_that_check_notices_an_alpha_that_is_squared(monkeypatch):
-    right = module._weigh
-    monkeypatch.setattr(module, "_weigh", lambda cos, alpha: right(cos, alpha**2))
+    right = module.weigh
+    monkeypatch.setattr(module, "weigh", lambda cos, alpha: right(cos, alpha**2))
 
     assert error(0.3) > 2e-3
 
