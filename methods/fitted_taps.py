@@ -133,12 +133,10 @@ def filter_by_taps(taps: Taps, pyramid: Environment, edge: int, spread: float) -
     upright = n.y.abs() > 0.9
     zero = torch.zeros_like(n.x)
     t = normalize(cross(Vec3(upright.float(), (~upright).float(), zero), n))
-    direction, deviation, weight = (
-        each.to(device) if isinstance(each, Tensor) else Vec3(*(c.to(device) for c in each)) for each in taps[:3]
-    )
+    direction = Vec3(*(c.to(device) for c in taps.direction))
     d = to_world(direction, t, cross(n, t), n)
-    lod = torch.log2(deviation / spread) + 0.5 * pyramid.log2_texels_per_sr(d)
-    return weighted_radiance(pyramid, d, lod, (weight.expand(d.shape),)).view(6, edge, edge, 3)
+    lod = torch.log2(taps.deviation.to(device) / spread) + 0.5 * pyramid.log2_texels_per_sr(d)
+    return weighted_radiance(pyramid, d, lod, (taps.weight.to(device).expand(d.shape),)).view(6, edge, edge, 3)
 
 
 def fit_taps(lobe: Lobe, counts: tuple[int, ...]) -> Taps:

@@ -10,7 +10,6 @@ from torch import Tensor
 from glossbench.prefilter import (
     METHODS,
     Contract,
-    Environment,
     Lobe,
     Material,
     Method,
@@ -102,7 +101,7 @@ def find_ellipse(lobe: Lobe) -> Ellipse:
 
 
 @kernel("major_axis")
-def _sum_lookups(points: ShadingPoints, ellipse: Ellipse, places: Tensor, levels: Environment) -> Radiance:
+def _sum_lookups(points: ShadingPoints, ellipse: Ellipse, places: Tensor, levels: Pyramid) -> Radiance:
     """Sum over the lookups at places in [0, 1] along the arc."""
     wo = points.wo_local()
     first, last, width = find_arc(wo, ellipse, places.shape[1])

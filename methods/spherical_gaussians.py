@@ -150,7 +150,7 @@ def _sum_gaussians(points: ShadingPoints, lobe: Microfacet, gaussians: Gaussians
     wo = points.wo_local()
     axis = to_local(gaussians.axis, points.t, points.b, points.n)
     if warp == "ndf_filtering":
-        weight = (filter_normals(lobe, wo, axis, gaussians.sharpness),)
+        weight: tuple[Tensor, ...] = (filter_normals(lobe, wo, axis, gaussians.sharpness),)
     else:
         r = Vec3(-wo.x, -wo.y, wo.z)
         s = 2 / (lobe.widths[0] * lobe.widths[1])

@@ -32,5 +32,5 @@ def read_albedo(table: AlbedoTable, wo: PointDirections) -> Radiance:
     y = torch.atan2(wo.y.abs(), wo.x.abs()) * ((AZIMUTHS - 1) / (pi / 2))
     i, j = x.long().clamp(max=COSINES - 2), y.long().clamp(max=AZIMUTHS - 2)
     x, y = (x - i)[:, None], (y - j)[:, None]
-    rows = (torch.lerp(table[i + k, j], table[i + k, j + 1], y) for k in (0, 1))
-    return torch.lerp(*rows, x)
+    low, high = (torch.lerp(table[i + k, j], table[i + k, j + 1], y) for k in (0, 1))
+    return torch.lerp(low, high, x)
