@@ -71,7 +71,9 @@ class Column:
         return replace(self, name=f"{self.name}.{name}", type=float, title=f"{self.title}: {name}")
 
     def format_brief(self, value: Any) -> str:
-        """A value for the terminal's table, in the unit that people read."""
+        """A value for the terminal's table, in the unit that people read; "" for an unknown one."""
+        if value is None:
+            return ""
         return f"{self.scale * value:.4g}" if self.type is float else str(value)
 
     def as_dict(self) -> dict[str, Any]:
@@ -222,11 +224,25 @@ def list_costs(parts: Mapping[str, Iterable[str]]) -> list[str]:
     return found
 
 
+def read_cost(row: Mapping[str, Any], name: str, part: str = "") -> float | None:
+    """A cost of a parsed row, or a part of it; None if it is unknown.
+
+    If nothing was timed, only the shading time may be known: that of an image from elsewhere can be stated.
+    """
+    if row.get("shade_runs") == 0 and not name.startswith("shade_seconds"):
+        return None
+    value = row.get(name)
+    if isinstance(value, Mapping):
+        return float(value.get(part, 0) if part else sum(value.values()))
+    return value
+
+
 def with_parts(row: Mapping[str, Any]) -> dict[str, Any]:
     """A parsed row in which each cost with parts is the sum of these parts, and each part is a separate column."""
     found = dict(row)
     for name in filter(is_cost, COLUMNS):
         if COLUMNS[name].is_json:
             found |= {f"{name}.{part}": value for part, value in row[name].items()}
-            found[name] = float(sum(row[name].values()))
+        if COLUMNS[name].role == "cost":
+            found[name] = read_cost(row, name)
     return found

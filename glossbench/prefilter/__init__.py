@@ -10,6 +10,7 @@ from glossbench.brdf.cosine_lobe import MIRROR, CosineLobe
 from glossbench.brdf.lobe import Lobe, Sampler
 from glossbench.brdf.material import Material, Reflectance
 from glossbench.brdf.microfacet import Microfacet
+from glossbench.catalog.locate import locate
 from glossbench.channels import LUMINANCE, Channels, merge_channels, widen
 from glossbench.directions import (
     SEEDED,
@@ -30,6 +31,8 @@ from glossbench.directions import (
     vec3,
 )
 from glossbench.envmap.cubemap import CubeMap, add_border, face_coordinates, texel_directions, texel_solid_angles
+from glossbench.envmap.formats.files import read_file
+from glossbench.envmap.formats.image_content import ImageContent
 from glossbench.envmap.harmonics import project, sh_basis
 from glossbench.envmap.importance import luminance_distribution
 from glossbench.envmap.projections.conversion import from_cubemap
@@ -59,6 +62,7 @@ from glossbench.factorization import (
     weight_rows,
 )
 from glossbench.options import Color, Finite, Fraction, NonNegative, Resolution, Seed
+from glossbench.prefilter.albedo import AlbedoTable, read_albedo, tabulate_albedo
 from glossbench.prefilter.cosine_lobes.calibration import (
     N_ANGLES,
     N_AZIMUTHS,
@@ -81,6 +85,7 @@ from glossbench.prefilter.cosine_lobes.pyramid import (
 )
 from glossbench.prefilter.diffuse import diffuse_radiance, visible_diffuse
 from glossbench.prefilter.filtered_samples import FilteredSamples, filtered_samples
+from glossbench.prefilter.ggx_chain import filter_ggx, ggx_levels, level_of_alpha
 from glossbench.prefilter.light_shadows import NoShadows, Shadows, Visibility, no_shadows, shadows
 from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
 from glossbench.prefilter.median_cut import Partition, make_whole, median_cut
@@ -98,6 +103,7 @@ from glossbench.prefilter.texel_sums import sum_over_level, sum_over_tree
 from glossbench.prefilter.view_table import ViewTable, tabulate
 from glossbench.scene.points import Occluder, ShadingPoints, View
 from glossbench.scene.virtual_cube import pair_points, tangent, valid_pairs
+from glossbench.shading.costs import Costs, Timing
 from glossbench.shading.kernels import Kernel, PerPoint, kernel, over_points
 from glossbench.shading.method import METHODS, Contract, Method, stage
 from glossbench.shading.visibility import occluder_of, unhidden
@@ -111,6 +117,12 @@ __all__ = [
     "METHODS",
     "Method",
     "stage",
+    # Images of other programs, and their costs.
+    "Costs",
+    "ImageContent",
+    "Timing",
+    "locate",
+    "read_file",
     # Types of options, with bounds that are checked in YAML, in Python and on the command line.
     "Color",
     "Finite",
@@ -157,6 +169,10 @@ __all__ = [
     "join_levels",
     "lookup",
     "weighted_radiance",
+    # The light filtered by round lobes of GGX, by alpha.
+    "filter_ggx",
+    "ggx_levels",
+    "level_of_alpha",
     # The material: a sum of lobes and a diffuse part, by channel.
     "Channels",
     "CosineLobe",
@@ -196,6 +212,10 @@ __all__ = [
     "PerPoint",
     "kernel",
     "over_points",
+    # The directional albedo of a lobe by view.
+    "AlbedoTable",
+    "read_albedo",
+    "tabulate_albedo",
     # Stages and samples that methods share, and the diffuse part.
     "FilteredSamples",
     "diffuse_radiance",

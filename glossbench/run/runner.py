@@ -26,7 +26,7 @@ from glossbench.run.manifest import make_entry
 from glossbench.run.results import Results
 from glossbench.run.study_lights import StudyLights
 from glossbench.shading.kernels.backend import EAGER_RATE, choosing
-from glossbench.study.cells import Cell
+from glossbench.study.cells import Cell, group_views
 from glossbench.study.study import Study
 
 PATIENCE = 1.0  # seconds per method, to find the kernels that a run calls; shorter runs do not look for them
@@ -126,6 +126,11 @@ def _read_files(cells: Iterable[Cell], lights: StudyLights) -> None:
             lights.get(item)
         else:
             copy_of(item).open_files()
+    for candidate, views in group_views(cells):
+        if not is_foreign(type(candidate.method)):
+            method = copy_of(candidate.method)
+            method.open_files()
+            method.check_views(views)
 
 
 def _check_own_study(study: Study, results: Results) -> None:

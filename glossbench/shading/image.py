@@ -80,7 +80,7 @@ def shade(
         values, timing = time_work(lambda: method.shade(**state), device, patience)
     mask = view.mask()
     depends = find_dependencies(order_stages(type(method)))
-    costs = Costs(
+    costs = method.stated_costs() or Costs(
         stage_seconds={name: p.seconds for name, p in prepared.items()},
         update_seconds={
             change: sum(p.seconds for name, p in prepared.items() if source in depends[name])

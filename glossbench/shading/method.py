@@ -6,7 +6,7 @@ budgets share, and the stages to compute again when the light, the material, the
 """
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -18,6 +18,8 @@ from glossbench.catalog.naming import explain_catalog_name
 from glossbench.errors import InputError
 from glossbench.options import Options, list_options
 from glossbench.registry import Registry
+from glossbench.scene.points import View
+from glossbench.shading.costs import Costs
 from glossbench.shapes import Radiance
 
 INPUTS = ("light", "material", "scene", "view")
@@ -100,6 +102,16 @@ class Method(Options):
 
     def half_vectors(self, material: Material) -> Float[Tensor, "samples 2"] | None:
         """The half vectors, theta and phi, that every pixel uses for the first lobe; None if the method has none."""
+        return None
+
+    def check_views(self, views: Sequence[View]) -> None:
+        """Raise InputError if it cannot make the images of these views, one for each of its cells.
+
+        A run calls it before it begins.
+        """
+
+    def stated_costs(self) -> Costs | None:
+        """The costs of an image that is not computed here, as its author states them; None to measure them."""
         return None
 
     shade: ClassVar[Callable[..., Radiance]]

@@ -1,6 +1,7 @@
 """What a study compares: lights, materials, views and methods with their options, and the cells that they make."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -87,6 +88,14 @@ class Cell:
             tune={self.tune.option: stated[self.tune.option]} if self.tune else {},
             **{"key": "", "reference_key": "", **known},
         )  # fmt: skip
+
+
+def group_views(cells: Iterable[Cell]) -> list[tuple[Candidate, list[View]]]:
+    """Each candidate with the views of its cells, one for each light and material that it meets."""
+    found: dict[str, tuple[Candidate, list[View]]] = {}
+    for cell in cells:
+        found.setdefault(to_text(cell.candidate), (cell.candidate, []))[1].append(cell.view)
+    return list(found.values())
 
 
 def to_text(item: Options | Candidate) -> str:

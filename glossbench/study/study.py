@@ -27,7 +27,7 @@ from glossbench.process.plugin_imports import loading
 from glossbench.process.state import is_foreign
 from glossbench.scene.points import View
 from glossbench.study.cell_index import CellIndex, Mask
-from glossbench.study.cells import Candidate, Cell, to_text
+from glossbench.study.cells import Candidate, Cell, group_views, to_text
 from glossbench.study.claim_checks import check_claims, check_exclude
 from glossbench.study.claims import Claim, list_methods
 from glossbench.study.document import Document, KeyPath, format_path, read_document
@@ -227,7 +227,20 @@ def load_study_with_forms(
         name=path.stem, folder=folder,
     )  # fmt: skip
     study = replace(study, exclude=check_exclude(document, study, any_light=light is not None))
+    if open_files:
+        _check_views(document, study, forms["methods"])
     return replace(study, claims=check_claims(document, study, any_light=light is not None)), forms
+
+
+def _check_views(document: Document, study: Study, forms: list[Form]) -> None:
+    """InputError, at the place of the method, if a method cannot make the images of its cells."""
+    paths = {to_text(candidate): form.path for form in forms for candidate in form.expand()}
+    for candidate, views in group_views(study.cells()):
+        try:
+            candidate.method.check_views(views)
+        except InputError as error:
+            path = paths[to_text(candidate)]
+            raise document.make_error(path, f"{format_path(path)}: {error}") from error
 
 
 def _find_path(name_or_path: str | Path) -> Path:

@@ -6,6 +6,7 @@ A new column of the results becomes a column of the table, next to the other cou
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from glossbench.columns import read_cost
 from glossbench.findings.columns import Column
 from glossbench.findings.estimates import Estimate
 from glossbench.study.labels import format_options, read_budget
@@ -167,9 +168,7 @@ def _make_cost(column: Column, part: str = "") -> Quantity:
     """A cost; of a cost with parts, one part or the sum."""
 
     def read_value(row: Mapping[str, Any], name: str) -> float | None:
-        value = row.get(name)
-        if isinstance(value, Mapping):
-            value = value.get(part, 0) if part else sum(value.values())
+        value = read_cost(row, name, part)
         return None if value is None else column.scale * value
 
     def entry(cell: Cell, group: Group) -> Entry:

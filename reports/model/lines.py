@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from glossbench.columns import COLUMNS
+from glossbench.columns import COLUMNS, read_cost
 from glossbench.findings.estimates import Estimate, estimate_metric
 
 from .axes import Label, Place
@@ -183,9 +183,11 @@ def _read_interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Flo
 
 def _read_cost(row: Mapping[str, Any], cost: str) -> float:
     if cost in ("shade", "memory"):
-        column = COLUMNS["shade_seconds" if cost == "shade" else "state_bytes"]
-        return column.scale * float(row[column.name])
-    return _UPDATE.scale * float(row[_UPDATE.name].get(cost, 0))
+        column, part = COLUMNS["shade_seconds" if cost == "shade" else "state_bytes"], ""
+    else:
+        column, part = _UPDATE, cost
+    value = read_cost(row, column.name, part)
+    return float("nan") if value is None else column.scale * value
 
 
 def _average(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:
