@@ -15,6 +15,8 @@ from glossbench.prefilter import (
     Radiance,
     ShadingPoints,
     Vec3,
+    ViewTable,
+    albedos,
     cross,
     diffuse_radiance,
     ggx_levels,
@@ -22,10 +24,7 @@ from glossbench.prefilter import (
     level_of_alpha,
     lookup,
     normalize,
-    read_albedo,
     reflect,
-    stage,
-    tabulate_albedo,
     to_world,
 )
 
@@ -60,19 +59,14 @@ class BentNormal(Method):
     equation = "L_o approx A(omega_o) P(d, alpha)"
     contract = Contract(furnace=5e-3)
 
-    ggx_levels, irradiance = ggx_levels, irradiance
-
-    @stage
-    def albedos(self, material: Material) -> tuple[Tensor, ...]:
-        """The directional albedo of each lobe."""
-        return tuple(map(tabulate_albedo, material.as_lobes().lobes))
+    ggx_levels, irradiance, albedos = ggx_levels, irradiance, albedos
 
     def shade(
         self,
         points: ShadingPoints,
         material: Material,
         ggx_levels: Pyramid,
-        albedos: tuple[Tensor, ...],
+        albedos: tuple[ViewTable, ...],
         irradiance: Tensor,
     ) -> Radiance:
         """Radiance (P, 3)."""
@@ -82,7 +76,7 @@ class BentNormal(Method):
             d, alpha = bend(lobe, wo, self.formula)
             lod = level_of_alpha(ggx_levels, alpha).expand(len(points))
             filtered = lookup(ggx_levels, to_world(d, points.t, points.b, points.n), lod)
-            radiance = radiance + read_albedo(albedo.to(points.device), wo) * filtered
+            radiance = radiance + albedo.at(wo) * filtered
         return radiance
 
 

@@ -22,6 +22,8 @@ from glossbench.prefilter import (
     Resolution,
     ShadingPoints,
     Vec3,
+    ViewTable,
+    albedos,
     cross,
     diffuse_radiance,
     finest,
@@ -29,11 +31,9 @@ from glossbench.prefilter import (
     lookup,
     normalize,
     pyramid,
-    read_albedo,
     reflect,
     spherical,
     stage,
-    tabulate_albedo,
     texel_directions,
     to_world,
     weighted_radiance,
@@ -90,17 +90,12 @@ class FittedTaps(Method):
     # Measured: furnace 6e-4; turns 0.003, because the rings begin at another azimuth.
     contract = Contract(furnace=5e-3, turns=0.02)
 
-    pyramid, irradiance = pyramid, irradiance
+    pyramid, irradiance, albedos = pyramid, irradiance, albedos
 
     @stage
     def fits(self, material: Material) -> tuple[Taps, ...]:
         """The taps of each lobe."""
         return tuple(fit_taps(lobe, RINGS[self.taps]) for lobe in material.as_lobes().lobes)
-
-    @stage
-    def albedos(self, material: Material) -> tuple[Tensor, ...]:
-        """The directional albedo of each lobe."""
-        return tuple(map(tabulate_albedo, material.as_lobes().lobes))
 
     @stage
     def filtered(self, fits: tuple[Taps, ...], pyramid: Environment) -> tuple[Environment, ...]:
@@ -115,14 +110,14 @@ class FittedTaps(Method):
         points: ShadingPoints,
         material: Material,
         filtered: tuple[Environment, ...],
-        albedos: tuple[Tensor, ...],
+        albedos: tuple[ViewTable, ...],
         irradiance: Tensor,
     ) -> Radiance:
         """Radiance (P, 3)."""
         radiance = diffuse_radiance(material.as_lobes(points.device), irradiance, points.n)
         r, wo = reflect(points.wo, points.n), points.wo_local()
         for environment, albedo in zip(filtered, albedos, strict=True):
-            radiance = radiance + read_albedo(albedo.to(points.device), wo) * lookup(environment, r)
+            radiance = radiance + albedo.at(wo) * lookup(environment, r)
         return radiance
 
 

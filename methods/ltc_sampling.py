@@ -22,6 +22,8 @@ from glossbench.prefilter import (
     Radiance,
     ShadingPoints,
     Vec3,
+    ViewTable,
+    albedos,
     cosine_hemisphere,
     diffuse_radiance,
     irradiance,
@@ -29,11 +31,9 @@ from glossbench.prefilter import (
     over_points,
     points_2d,
     pyramid,
-    read_albedo,
     spherical,
     stack,
     stage,
-    tabulate_albedo,
     to_world,
     weighted_radiance,
 )
@@ -78,7 +78,7 @@ class LTCSampling(Method):
     # Measured: furnace 0.068, of samples below the horizon at grazing views of rough lobes.
     contract = Contract(furnace=0.1, budget=("samples", (16, 64, 256)))
 
-    pyramid, irradiance = pyramid, irradiance
+    pyramid, irradiance, albedos = pyramid, irradiance, albedos
 
     def supports(self, material: Material, scene: object) -> str | None:
         """The reason why a material has no such fit, if it is not round."""
@@ -94,18 +94,13 @@ class LTCSampling(Method):
         """M of each lobe."""
         return tuple(map(fit_transforms, material.as_lobes().lobes))
 
-    @stage
-    def albedos(self, material: Material) -> tuple[Tensor, ...]:
-        """The directional albedo of each lobe."""
-        return tuple(map(tabulate_albedo, material.as_lobes().lobes))
-
     def shade(
         self,
         points: ShadingPoints,
         material: Material,
         pyramid: Environment,
         transforms: tuple[Transforms, ...],
-        albedos: tuple[Tensor, ...],
+        albedos: tuple[ViewTable, ...],
         irradiance: Tensor,
     ) -> Radiance:
         """Radiance (P, 3)."""
@@ -116,7 +111,7 @@ class LTCSampling(Method):
             level = torch.tensor(self.mip_bias - log2(n) / 2, device=points.device)
             placed = Transforms(*(m.to(points.device) for m in M))
             mean = over_points(_sum_samples, points, n, o, placed, pyramid, level) / n
-            radiance = radiance + read_albedo(albedo.to(points.device), points.wo_local()) * mean
+            radiance = radiance + albedo.at(points.wo_local()) * mean
         return radiance
 
 

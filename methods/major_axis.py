@@ -17,6 +17,8 @@ from glossbench.prefilter import (
     Radiance,
     ShadingPoints,
     Vec3,
+    ViewTable,
+    albedos,
     diffuse_radiance,
     dot,
     ggx_levels,
@@ -25,10 +27,7 @@ from glossbench.prefilter import (
     level_of_alpha,
     normalize,
     over_points,
-    read_albedo,
     reflect,
-    stage,
-    tabulate_albedo,
     to_world,
     weighted_radiance,
 )
@@ -64,23 +63,18 @@ class MajorAxis(Method):
     equation = "L_o approx A(omega_o) 1/N sum_(i=1)^N P(2 (omega_o dot m_i) m_i - omega_o, w)"
     contract = Contract(furnace=5e-3)
 
-    ggx_levels, irradiance = ggx_levels, irradiance
+    ggx_levels, irradiance, albedos = ggx_levels, irradiance, albedos
 
     def n_samples(self, material: Material) -> int:
         """Number of lookups, N for each lobe."""
         return self.samples * len(material.as_lobes().lobes)
-
-    @stage
-    def albedos(self, material: Material) -> tuple[Tensor, ...]:
-        """The directional albedo of each lobe."""
-        return tuple(map(tabulate_albedo, material.as_lobes().lobes))
 
     def shade(
         self,
         points: ShadingPoints,
         material: Material,
         ggx_levels: Pyramid,
-        albedos: tuple[Tensor, ...],
+        albedos: tuple[ViewTable, ...],
         irradiance: Tensor,
     ) -> Radiance:
         """Radiance (P, 3)."""
@@ -91,7 +85,7 @@ class MajorAxis(Method):
             mean = (
                 over_points(_sum_lookups, points, self.samples, find_ellipse(lobe), places, ggx_levels) / self.samples
             )
-            radiance = radiance + read_albedo(albedo.to(points.device), points.wo_local()) * mean
+            radiance = radiance + albedo.at(points.wo_local()) * mean
         return radiance
 
 

@@ -23,6 +23,7 @@ from glossbench.prefilter import (
     RoundCosine,
     ShadingPoints,
     ViewTable,
+    albedos,
     diffuse_radiance,
     irradiance,
     join_levels,
@@ -32,7 +33,6 @@ from glossbench.prefilter import (
     reflect,
     stage,
     sum_over_tree,
-    tabulate,
     weighted_radiance,
 )
 
@@ -77,7 +77,7 @@ class PrefilteredCosineLobes(Method):
 
     mip_filter = "box"
     pyramid = pyramid
-    irradiance = irradiance
+    irradiance, albedos = irradiance, albedos
 
     def supports(self, material: Material, scene: Any) -> str | None:
         """The reason why a lobe has no specular power; None if all have one."""
@@ -99,25 +99,20 @@ class PrefilteredCosineLobes(Method):
             levels.append(sum_over_tree(light, pyramid, lobe, max(edge >> level, 1)))
         return join_levels(levels)
 
-    @stage
-    def tables(self, material: Material) -> tuple[ViewTable, ...]:
-        """The albedo of each lobe over cos_o."""
-        return tuple(tabulate(lobe, lobe.albedo) for lobe in material.as_lobes().lobes)
-
     def shade(
         self,
         points: ShadingPoints,
         material: Material,
         chain: Pyramid,
-        tables: tuple[ViewTable, ...],
+        albedos: tuple[ViewTable, ...],
         irradiance: torch.Tensor,
     ) -> Radiance:
         """Radiance (P, 3)."""
-        reflectance, cos_o = material.as_lobes(points.device), points.wo_local().z
+        reflectance = material.as_lobes(points.device)
         radiance = diffuse_radiance(reflectance, irradiance, points.n)
-        for lobe, table in zip(reflectance.lobes, tables, strict=True):
+        for lobe, albedo in zip(reflectance.lobes, albedos, strict=True):
             level = torch.tensor(self._level(lobe), device=points.device)
-            radiance = radiance + over_points(_read, points, 8, chain, level) * table.at(cos_o)
+            radiance = radiance + over_points(_read, points, 8, chain, level) * albedo.at(points.wo_local())
         return radiance
 
     def _filter_power(self, specular: float) -> float:

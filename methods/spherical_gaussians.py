@@ -19,6 +19,8 @@ from glossbench.prefilter import (
     Radiance,
     ShadingPoints,
     Vec3,
+    ViewTable,
+    albedos,
     cross,
     diffuse_radiance,
     dot,
@@ -29,11 +31,9 @@ from glossbench.prefilter import (
     merge_channels,
     normalize,
     over_points,
-    read_albedo,
     spherical,
     stack,
     stage,
-    tabulate_albedo,
     texel_directions,
     texel_solid_angles,
     to_local,
@@ -85,17 +85,12 @@ class SphericalGaussians(Method):
     # It is not linear, because amplitudes are not negative.
     contract = Contract(furnace=0.4, linear=False, turns=0.2, budget=("lobes", (16, 64)))
 
-    irradiance = irradiance
+    irradiance, albedos = irradiance, albedos
 
     def supports(self, material: Material, scene: object) -> str | None:
         """The reason why a lobe cannot be warped, if it is not one of microfacets."""
         are_microfacets = all(isinstance(lobe, Microfacet) for lobe in material.as_lobes().lobes)
         return None if are_microfacets else "a lobe has no distribution of microfacets"
-
-    @stage
-    def albedos(self, material: Material) -> tuple[Tensor, ...]:
-        """The directional albedo of each lobe."""
-        return tuple(map(tabulate_albedo, material.as_lobes().lobes))
 
     @stage
     def gaussians(self, light: CubeMap) -> Gaussians:
@@ -107,7 +102,7 @@ class SphericalGaussians(Method):
         points: ShadingPoints,
         material: Material,
         gaussians: Gaussians,
-        albedos: tuple[Tensor, ...],
+        albedos: tuple[ViewTable, ...],
         irradiance: Tensor,
     ) -> Radiance:
         """Radiance (P, 3)."""
@@ -116,7 +111,7 @@ class SphericalGaussians(Method):
         for lobe, albedo in zip(reflectance.lobes, albedos, strict=True):
             glossy = over_points(_sum_gaussians, points, self.lobes, lobe, gaussians, self.warp)
             if self.warp == "ndf_filtering":
-                glossy = glossy * read_albedo(albedo.to(points.device), points.wo_local())
+                glossy = glossy * albedo.at(points.wo_local())
             radiance = radiance + glossy
         return radiance
 

@@ -17,16 +17,16 @@ from glossbench.prefilter import (
     Radiance,
     ShadingPoints,
     Vec3,
+    ViewTable,
+    albedos,
     diffuse_radiance,
     irradiance,
     over_points,
     project,
-    read_albedo,
     reflect,
     sh_basis,
     spherical,
     stage,
-    tabulate_albedo,
 )
 
 Window = Literal["none", "hann", "lanczos"]
@@ -56,7 +56,7 @@ class SphericalHarmonics(Method):
     # Measured: furnace 2.5e-3, of the table of the albedo.
     contract = Contract(furnace=5e-3, budget=("order", (4, 8, 16, 32)))
 
-    irradiance = irradiance
+    irradiance, albedos = irradiance, albedos
 
     def n_samples(self, material: Material) -> int:
         """Number of coefficients."""
@@ -72,18 +72,13 @@ class SphericalHarmonics(Method):
         """A_l of each lobe, (lobes, order), float64."""
         return torch.stack([compute_bands(lobe, self.order) for lobe in material.as_lobes().lobes])
 
-    @stage
-    def albedos(self, material: Material) -> tuple[Tensor, ...]:
-        """The directional albedo of each lobe."""
-        return tuple(map(tabulate_albedo, material.as_lobes().lobes))
-
     def shade(
         self,
         points: ShadingPoints,
         material: Material,
         coefficients: Tensor,
         bands: Tensor,
-        albedos: tuple[Tensor, ...],
+        albedos: tuple[ViewTable, ...],
         irradiance: Tensor,
     ) -> Radiance:
         """Radiance (P, 3)."""
@@ -95,7 +90,7 @@ class SphericalHarmonics(Method):
         # Wider chunks than those of other methods: the recurrences take some 3 order^2 calls for each of them.
         series = over_points(_sum_series, points, 4 * self.order, filtered.flatten(1), self.order)
         for i, albedo in enumerate(albedos):
-            radiance = radiance + read_albedo(albedo.to(points.device), wo) * series[:, 3 * i : 3 * i + 3]
+            radiance = radiance + albedo.at(wo) * series[:, 3 * i : 3 * i + 3]
         return radiance
 
 

@@ -62,7 +62,6 @@ from glossbench.factorization import (
     weight_rows,
 )
 from glossbench.options import Color, Finite, Fraction, NonNegative, Resolution, Seed
-from glossbench.prefilter.albedo import AlbedoTable, read_albedo, tabulate_albedo
 from glossbench.prefilter.cosine_lobes.calibration import (
     N_ANGLES,
     N_AZIMUTHS,
@@ -85,7 +84,7 @@ from glossbench.prefilter.cosine_lobes.pyramid import (
 )
 from glossbench.prefilter.diffuse import diffuse_radiance, visible_diffuse
 from glossbench.prefilter.filtered_samples import FilteredSamples, filtered_samples
-from glossbench.prefilter.ggx_chain import filter_ggx, ggx_levels, level_of_alpha
+from glossbench.prefilter.ggx_chain import ggx_levels, level_of_alpha
 from glossbench.prefilter.light_shadows import NoShadows, Shadows, Visibility, no_shadows, shadows
 from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
 from glossbench.prefilter.median_cut import Partition, make_whole, median_cut
@@ -98,7 +97,7 @@ from glossbench.prefilter.round_lobes import (
     RoundShape,
     Weight,
 )
-from glossbench.prefilter.stages import irradiance, pyramid
+from glossbench.prefilter.stages import albedos, irradiance, pyramid
 from glossbench.prefilter.texel_sums import sum_over_level, sum_over_tree
 from glossbench.prefilter.view_table import ViewTable, tabulate
 from glossbench.scene.points import Occluder, ShadingPoints, View
@@ -170,7 +169,6 @@ __all__ = [
     "lookup",
     "weighted_radiance",
     # The light filtered by round lobes of GGX, by alpha.
-    "filter_ggx",
     "ggx_levels",
     "level_of_alpha",
     # The material: a sum of lobes and a diffuse part, by channel.
@@ -212,12 +210,9 @@ __all__ = [
     "PerPoint",
     "kernel",
     "over_points",
-    # The directional albedo of a lobe by view.
-    "AlbedoTable",
-    "read_albedo",
-    "tabulate_albedo",
     # Stages and samples that methods share, and the diffuse part.
     "FilteredSamples",
+    "albedos",
     "diffuse_radiance",
     "filtered_samples",
     "irradiance",

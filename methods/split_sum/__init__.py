@@ -200,7 +200,7 @@ class SplitSum(Method):
                 levels, at = chain, MAPPINGS[settings.mapping].level(alpha, lay_out(light, settings))
             level = torch.tensor(at, device=points.device)
             P = over_points(_read, points, 8, levels, level, alpha, settings.direction)
-            terms = fit_terms(alpha**0.5, cos_o) if settings.final == "fit" else tables[k].at(cos_o)
+            terms = fit_terms(alpha**0.5, cos_o) if settings.final == "fit" else tables[k].at(points.wo_local())
             x, y = terms.unbind(1)
             albedo = [f0 * (y - x) + x for f0 in lobe.f0]
             if settings.multiscatter:

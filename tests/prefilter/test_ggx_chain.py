@@ -9,10 +9,11 @@ import torch
 from glossbench.brdf.ggx import GGX
 from glossbench.directions import Vec3, stack
 from glossbench.envmap.cubemap import CubeMap, texel_directions
-from glossbench.envmap.pyramid import lookup
-from glossbench.prefilter import ggx_chain as module
-from glossbench.prefilter.albedo import read_albedo, tabulate_albedo
-from glossbench.prefilter.ggx_chain import filter_ggx, ggx_levels, level_of_alpha
+from glossbench.envmap.pyramid import build_pyramid, lookup
+from glossbench.prefilter.ggx_chain import ggx_levels, level_of_alpha
+from glossbench.prefilter.round_lobes import RoundGGX
+from glossbench.prefilter.texel_sums import sum_over_tree
+from glossbench.prefilter.view_table import tabulate
 
 
 def smooth(d):
@@ -44,38 +45,27 @@ def mean_by_quadrature(r, alpha, n=400):
     return (weight[..., None] * smooth(wi)).sum((0, 1)) / weight.sum()
 
 
-def error(alpha):
-    """Largest relative error of some texels."""
-    faces = filter_ggx(smooth_light().faces, alpha, 8)
+def error(alpha, weight="g2", width=None):
+    """Largest relative error of some texels, filtered by a lobe of this weight and width."""
+    light = smooth_light()
+    faces = sum_over_tree(light, build_pyramid(light, "box"), RoundGGX(torch.tensor(width or alpha), weight), 8)
     d = stack(texel_directions(8)).double().numpy()
     places = [(0, 0, 0), (2, 3, 4), (5, 7, 1), (4, 4, 4)]
     return max(float(np.abs(faces[p].numpy() / mean_by_quadrature(d[p], alpha) - 1).max()) for p in places)
 
 
-# Measured: 1.3e-4, 8.3e-4, 8.6e-4.
+# Measured: 4e-4, 3.5e-3, 1.8e-3, of the tree; 0.19 and 0.68 with the faults below.
 @pytest.mark.parametrize("alpha", [0.1, 0.3, 0.8])
 def test_a_filtered_texel_is_the_mean_under_the_lobe(alpha):
-    assert error(alpha) < 2e-3
+    assert error(alpha) < 5e-3
 
 
-def test_that_check_notices_the_cosine_in_place_of_the_exact_weight(monkeypatch):
-    right = module.weigh
-
-    def by_cosine(cos, alpha):
-        cos_i = cos.clamp(min=0)
-        over_G2 = (cos_i + torch.sqrt(alpha**2 + (1 - alpha**2) * cos_i**2)) / 2
-        return right(cos, alpha) * over_G2
-
-    monkeypatch.setattr(module, "weigh", by_cosine)
-
-    assert error(0.8) > 2e-3
+def test_that_check_notices_the_cosine_in_place_of_the_exact_weight():
+    assert error(0.8, weight="cos") > 5e-3
 
 
-def test_that_check_notices_an_alpha_that_is_squared(monkeypatch):
-    right = module.weigh
-    monkeypatch.setattr(module, "weigh", lambda cos, alpha: right(cos, alpha**2))
-
-    assert error(0.3) > 2e-3
+def test_that_check_notices_an_alpha_that_is_squared():
+    assert error(0.3, width=0.3**2) > 5e-3
 
 
 def test_a_level_is_read_by_its_alpha():
@@ -96,7 +86,7 @@ def test_the_albedo_of_a_table_is_that_of_the_lobe():
     sin = torch.sqrt(1 - cos * cos)
     wo = Vec3(sin * torch.cos(azimuth), sin * torch.sin(azimuth), cos)
 
-    found = read_albedo(tabulate_albedo(lobe), wo)
+    found = tabulate(lobe, lobe.albedo).at(wo)
 
     # Measured: 7.5e-4.
     torch.testing.assert_close(found.double(), lobe.albedo(wo), rtol=3e-3, atol=0)
