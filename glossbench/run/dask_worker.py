@@ -4,7 +4,7 @@ It does not import torch: the processes that compute do.
 """
 
 import pickle
-from typing import Any
+from typing import Any, cast
 
 from distributed import Worker, WorkerPlugin, get_worker
 
@@ -43,7 +43,9 @@ class Processes(WorkerPlugin):
 def run_order(order: Order) -> dict[int, Any]:
     """Run a batch; the rows of its cells by their place. A process that ends is replaced by a new one."""
     worker = get_worker()
-    processes, rows, n_silent = worker.plugins[TOPIC], {}, 0
+    processes = cast("Processes", worker.plugins[TOPIC])
+    rows: dict[int, Any] = {}
+    n_silent = 0
 
     def tell(kind: str, *values: Any) -> None:
         nonlocal n_silent

@@ -96,7 +96,7 @@ def _connected(address: str) -> Iterator[Any]:
     try:
         import dask
         from distributed import CancelledError, Client, KilledWorker, LocalCluster
-        from distributed.comm import CommClosedError
+        from distributed.comm.core import CommClosedError
     except ImportError:
         raise InputError("--dask needs Dask: pip install 'glossbench[distributed]'") from None
     # Workers come and go here on purpose; what ends the run is one line of this program.
