@@ -136,7 +136,7 @@ def test_a_store_that_cannot_be_written_stops_the_run(whole, monkeypatch):
 
     monkeypatch.setattr(MemoryFileSystem, "pipe_file", full)
 
-    with pytest.raises(WriteError, match=r"^memory://full/glossbench\.json: cannot be written: .*No space left"):
+    with pytest.raises(WriteError, match=r"^memory://full/begun/run\.json: cannot be written: .*No space left"):
         run_study(whole[0], "memory://full")
 
 
