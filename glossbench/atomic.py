@@ -30,7 +30,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     # The temporary name has the same length for every path. It keeps the ending, from which writers know the format.
     ending = path.suffix if re.fullmatch(r"\.\w{1,8}", path.suffix, re.ASCII) else ""
-    part = path.with_name(f".glossbench-{_identify_machine()}-{os.getpid()}-{uuid4().hex}{ending}")
+    part = path.with_name(f".glossbench-{identify_machine()}-{os.getpid()}-{uuid4().hex}{ending}")
     try:
         with interrupted_by_signals():
             yield part
@@ -83,7 +83,7 @@ def _is_abandoned(part: Path) -> bool:
     with suppress(OSError):
         if time.time() - part.stat().st_mtime > ABANDONED:
             return True
-    if os.name != "posix" or name[1] != _identify_machine():
+    if os.name != "posix" or name[1] != identify_machine():
         return False
     try:
         os.kill(int(name[2]), 0)
@@ -94,7 +94,7 @@ def _is_abandoned(part: Path) -> bool:
     return False
 
 
-def _identify_machine() -> str:
+def identify_machine() -> str:
     """Hash of the place in which process ids are unique: this start of this machine, and this container."""
     known = [socket.gethostname()]
     with suppress(OSError):  # only Linux has these

@@ -13,10 +13,10 @@ class WriteError(InputError):
     """A file cannot be written: for example, the disk is full or the folder is read-only.
 
     Attributes:
-        path: the path of the file.
+        path: the path or address of the file.
     """
 
-    def __init__(self, path: Path, reason: str) -> None:
+    def __init__(self, path: Path | str, reason: str) -> None:
         super().__init__(f"{path}: cannot be written: {reason}")
         self.path = path
 

@@ -1,6 +1,7 @@
 """The memory that this process may still use, so that work that would not fit is refused before it is allocated."""
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,6 +9,12 @@ from glossbench.errors import InputError
 
 _ALWAYS_FITS = 2**30  # bytes; below this the system is not asked
 _CGROUPS = Path("/sys/fs/cgroup")
+
+
+def read_size(text: str) -> int | None:
+    """Bytes of a size such as 4 GB or 0.5 TB, in powers of 1000; None if it is not one."""
+    stated = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?) ?([kMGT])B", text)
+    return round(float(stated[1]) * 1000 ** ("kMGT".index(stated[2]) + 1)) if stated else None
 
 
 def check_memory(what: str, n_bytes: int) -> None:

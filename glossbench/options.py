@@ -86,6 +86,10 @@ class Options:
                 raise InputError(f"{cls.name}: option {option.name!r} is required")
         return cls(**options)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # As `copy_of`: what was read from a file is not pickled.
+        return type(self).create, (self.as_dict(),)
+
     def as_dict(self) -> dict[str, Any]:
         """All options with their values, as JSON types."""
         adapters = _make_adapters(type(self))

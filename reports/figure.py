@@ -64,20 +64,26 @@ class Figure(Options):
         form = path.suffix.lower().lstrip(".")
         if form not in ("pdf", "svg", "png"):
             raise InputError(f"{path}: the extension must be .pdf, .svg or .png, got {path.suffix!r}")
+        content = self.draw(results, cast("Format", form), **asked)
+        with replacing(path) as part:
+            part.write_bytes(content)
+
+    def draw(self, results: Results, form: "Format", **asked: Any) -> bytes:
+        """The file of `write`, in one of its formats; raises as `write` does."""
         report = Report.from_results(results)
         given: dict[str, Any] = {}
         for name, option in self.options.items():
             given[name] = option.asked(report, given, asked.get(name))
         with Press() as press:
-            content = press.pages("figure.typ", self.printed(report, press, **given), cast("Format", form))
-        with replacing(path) as part:
-            part.write_bytes(content)
+            return press.pages("figure.typ", self.printed(report, press, **given), form)
 
     def printed(self, report: Report, press: Press, **given: Any) -> dict[str, Any]:
         """The data for the template of a single figure; InputError if there is nothing to show."""
         data = self.data(report, **given)
         if not data.panels:
-            raise InputError(f"{report.results.folder} has nothing to show as {self.name}: {data.note or 'no cell'}")
+            raise InputError(
+                f"{report.results.store.address} has nothing to show as {self.name}: {data.note or 'no cell'}"
+            )
         figure = press.figure(draw(select_shown(data.panels)))
         return {"kind": "plot", "alt": " ".join(filter(None, (given.get("metric"), data.title))), **figure}
 

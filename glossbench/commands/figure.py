@@ -13,7 +13,7 @@ from glossbench.errors import InputError, suggest_nearest
 
 
 def figure(
-    results: Annotated[Path, typer.Argument(help="The folder of a run.", autocompletion=result_folders)],
+    results: Annotated[str, typer.Argument(help="The folder or address of a run.", autocompletion=result_folders)],
     name: Annotated[
         str | None, typer.Argument(help="A figure's name; without one, list the figures.", autocompletion=figure_names)
     ] = None,
@@ -59,9 +59,10 @@ def figure(
         note(remark)
     if output is None:
         opened.disk.own(f"{name}.pdf")
-    path = output or opened.disk.path(f"{name}.pdf")
-    drawn.write(opened, path, **told)
-    say(f"figure: {path}")
+        opened.store.put(f"{name}.pdf", drawn.draw(opened, "pdf", **told))
+    else:
+        drawn.write(opened, output, **told)
+    say(f"figure: {output or opened.store.locate(f'{name}.pdf')}")
 
 
 def _parse_window(text: str) -> tuple[int, ...]:

@@ -28,13 +28,20 @@ from glossbench.commands.printing import (
 from glossbench.errors import InputError, suggest_nearest
 
 if TYPE_CHECKING:
+    from glossbench.run.rates import Prediction
     from glossbench.study.study import Study
 
 
 def run(
     study: StudyArgument,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder of results (default: results/STUDY).")
+        str | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FOLDER|ADDRESS",
+            help="Where the results go: a folder, or an address such as s3://bucket/results (default: results/STUDY).",
+        ),
     ] = None,
     light: Annotated[
         str | None,
@@ -52,6 +59,13 @@ def run(
     no_cache: Annotated[bool, typer.Option("--no-cache", help="Compute all cells and references again.")] = False,
     rerun_failed: Annotated[bool, typer.Option("--rerun-failed", help="Try failed cells again.")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="local:N|ADDRESS",
+            help="Run on N processes of this machine, or on a cluster, such as tcp://host:8786.",
+        ),
+    ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List what would run, and stop.")] = False,
 ) -> None:
     """Run a study, print its table and verdicts, and write its reports."""
@@ -69,12 +83,12 @@ def run(
     if method:
         loaded = loaded.only(method)
     if light is not None and output is None:
-        output = Path("results") / f"{loaded.name}_{Path(light).stem}"
-    folder = output or Path("results") / loaded.name
+        output = str(Path("results") / f"{loaded.name}_{Path(light).stem}")
+    where = output or str(Path("results") / loaded.name)
     for plugin in loaded.plugins:
         err.print(f"plugin {plugin}: {find_origin(plugin)}", soft_wrap=True)
     if dry_run:
-        _print_plan(loaded, folder)
+        _print_plan(loaded, where)
         return
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     try:
@@ -92,8 +106,8 @@ def run(
                 note=note,
             )
             results = run_study(
-                loaded, folder, use_cache=not no_cache, rerun_failed=rerun_failed, fail_fast=fail_fast,
-                progress=progress,
+                loaded, where, use_cache=not no_cache, rerun_failed=rerun_failed, fail_fast=fail_fast,
+                dask=dask, progress=progress,
             )  # fmt: skip
     except KeyboardInterrupt:
         err.print("interrupted: cells that are done are kept, the same command goes on from there", soft_wrap=True)
@@ -103,7 +117,7 @@ def run(
     warn_of_times(results.cells)
     print_notes(results.cells)
     print_verdicts(results.claims)
-    is_whole = _write_reports(results.folder)
+    is_whole = _write_reports(results.where)
     failed = int((results.cells["status"] == "failed").sum())
     if failed:
         err.print(
@@ -115,7 +129,7 @@ def run(
 
 
 def report(
-    results: Annotated[Path, typer.Argument(help="The folder of a run.", autocompletion=completion.results)],
+    results: Annotated[str, typer.Argument(help="The folder or address of a run.", autocompletion=completion.results)],
     names: Annotated[
         list[str] | None,
         typer.Argument(help="Reports, such as html and pdf (default: all).", autocompletion=completion.reports),
@@ -130,7 +144,7 @@ def report(
             raise InputError(f"no report is called {name!r}{suggest_nearest(name, known)}")
     for remark in opened.remarks(opened.cells):
         note(remark)
-    if not _write_reports(opened.folder, names or ()):
+    if not _write_reports(opened.where, names or ()):
         raise typer.Exit(1)
 
 
@@ -138,20 +152,40 @@ def _count_in_words(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
-def _print_plan(study: "Study", folder: Path) -> None:
+def _print_plan(study: "Study", where: str) -> None:
     """Print what a run would compute, and the number of cells by status."""
+    from glossbench.run.rates import predict
     from glossbench.run.runner import find_statuses
 
-    cells, statuses = study.cells(), find_statuses(study, folder)
+    cells, statuses = study.cells(), find_statuses(study, where)
     print_plan(cells, statuses)
     count = Counter(statuses)
     told = [f"{count[status]} {status}" for status in ("done", "skipped", "failed", "new") if count[status]]
-    say(f"{_count_in_words(len(cells), 'cell')} would go to {folder}: {', '.join(told)}")
+    say(f"{_count_in_words(len(cells), 'cell')} would go to {where}: {', '.join(told)}")
+    if new := [cell for cell, status in zip(cells, statuses, strict=True) if status in ("new", "damaged")]:
+        say(_describe_prediction(predict(new, study.reference)))
     if count["failed"]:
         say("failed cells stay as they are; --rerun-failed tries them again")
 
 
-def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:
+def _describe_prediction(cost: "Prediction") -> str:
+    """The cost of new cells in one line."""
+    if not cost.seconds:
+        return "what this takes is not known: no run has been measured on this machine"
+    memory = "" if cost.memory is None else f", {cost.memory / 1e9:.2g} GB of memory"
+    rest = f"; {cost.n_unknown} cells and references are like none that was measured" if cost.n_unknown else ""
+    time, disk = format_seconds(cost.seconds), f"{cost.disk / 1e6:.2g} MB of disk"
+    return f"this takes about {time} on one process{memory}, {disk}{rest}"
+
+
+def format_seconds(seconds: float) -> str:
+    """A time in words: 40 s, 12 min, 3.5 h."""
+    small, large = (seconds, "s"), (seconds / 3600, "h")
+    value, unit = small if seconds < 100 else (seconds / 60, "min") if seconds < 6000 else large
+    return f"{value:.2g} {unit}"
+
+
+def _write_reports(where: Path | str, only: Collection[str] = ()) -> bool:
     """Write the reports, or only some. A report that fails gives one line, and the others are still written.
 
     Returns: whether all were written.
@@ -162,10 +196,10 @@ def _write_reports(folder: Path, only: Collection[str] = ()) -> bool:
             continue
         try:
             with err.status(f"report {name}"):
-                page = write(folder)
+                page = write(where)
             say(f"report: {page}")
         except KeyboardInterrupt:
-            again = f"the results are whole: `glossbench report {folder}` writes the reports"
+            again = f"the results are whole: `glossbench report {where}` writes the reports"
             err.print(escape_controls(f"interrupted: {again}"), soft_wrap=True)
             raise typer.Exit(130) from None
         except (Exception, SystemExit) as error:  # a writer may come from another distribution
@@ -183,10 +217,10 @@ def _print_fault(what: str, error: BaseException) -> None:
     err.print(escape_controls(f"{what}: {text}"), style="red", soft_wrap=True)
 
 
-def _report_writers() -> dict[str, Callable[[Path], Path]]:
+def _report_writers() -> dict[str, Callable[[Path | str], Path | str]]:
     return {point.name: partial(_write_report, point) for point in entry_points(group="glossbench.reports")}
 
 
-def _write_report(point: EntryPoint, folder: Path) -> Path:
-    page: Path = point.load()(folder)
+def _write_report(point: EntryPoint, where: Path | str) -> Path | str:
+    page: Path | str = point.load()(where)
     return page

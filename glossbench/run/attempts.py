@@ -4,24 +4,27 @@ import json
 import os
 import socket
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
+from glossbench.errors import InputError
+from glossbench.run.store import Store
+
+FOLDER = "begun"  # of the marks
 TRIES = 2  # with a plug-in: the user, or another program that took the memory, may have ended the process once
 OUR_TRIES = 5  # without a plug-in: it is more likely that something else ended the process
 
 
 class Attempt:
-    """A mark in the folder of results while some work is done; it stays there if the process ends during the work.
+    """A mark in the store of the results while some work is done; it stays if the process ends during the work.
 
     Args:
-        folder: the folder of the marks.
+        store: where the results lie.
         key: the key of the work.
         tries: how often the work may end the process before it is passed over.
     """
 
-    def __init__(self, folder: Path, key: str, tries: int = TRIES) -> None:
-        self._path = folder / f"{key}.begun"
+    def __init__(self, store: Store, key: str, tries: int = TRIES) -> None:
+        self._store, self._name = store, f"{FOLDER}/{key}.begun"
         self._tries = tries
         self._is_ours = False
         self.ended = self._count_before()
@@ -29,13 +32,15 @@ class Attempt:
     def _count_before(self) -> int:
         """How often the process ended during this work; 0 if another run is doing it now."""
         try:
-            mark = json.loads(self._path.read_text(encoding="utf-8"))
+            mark = json.loads(self._store.get(self._name))
             times, host, pid = int(mark["times"]), str(mark["host"]), int(mark["pid"])
         except (FileNotFoundError, NotADirectoryError):
             return 0
+        except InputError:
+            raise
         except (OSError, ValueError, KeyError, TypeError):  # half-written, because the process ended during the write
             return 1
-        return 0 if host == socket.gethostname() and pid != os.getpid() and _is_alive(pid) else times
+        return 0 if host == socket.gethostname() and pid != os.getpid() and is_alive(pid) else times
 
     @property
     def is_hopeless(self) -> bool:
@@ -52,18 +57,15 @@ class Attempt:
         if not self._is_ours:
             self._is_ours = True
             mark: dict[str, Any] = {"times": self.ended + 1, "host": socket.gethostname(), "pid": os.getpid()}
-            self._path.parent.mkdir(exist_ok=True)
-            self._path.write_text(json.dumps(mark), encoding="utf-8")
+            self._store.put(self._name, json.dumps(mark).encode())
 
     def end(self) -> None:
         """Remove the mark: the work has ended, with or without success, and the process still runs."""
         if self._is_ours or self.ended:
-            self._path.unlink(missing_ok=True)
-            with suppress(OSError):  # the folder holds other marks
-                self._path.parent.rmdir()
+            self._store.remove(self._name)
 
 
-def _is_alive(pid: int) -> bool:
+def is_alive(pid: int) -> bool:
     if os.name != "posix" or pid <= 0:
         return False
     try:
@@ -75,11 +77,11 @@ def _is_alive(pid: int) -> bool:
     return True
 
 
-def remove_marks(folder: Path) -> None:
+def remove_marks(store: Store) -> None:
     """Remove the marks of this process, which is about to end itself."""
-    for path in folder.glob("*.begun"):
+    for name in store.list(f"{FOLDER}/"):
         with suppress(OSError, ValueError, KeyError, TypeError):
-            if json.loads(path.read_text(encoding="utf-8"))["pid"] == os.getpid():
-                path.unlink()
-    with suppress(OSError):
-        folder.rmdir()
+            mark = json.loads(store.get(name))
+            if (mark["host"], mark["pid"]) == (socket.gethostname(), os.getpid()):
+                store.remove(name)
+    store.prune(FOLDER)

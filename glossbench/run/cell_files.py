@@ -1,18 +1,22 @@
-"""The files of the cells and references of a study: each whole or not at all, under a key of what made it."""
+"""The files of cells and references in a store: each whole or not at all, under a key of what made it."""
 
 import hashlib
 import json
+from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
-from torch import Tensor
 
-from glossbench.atomic import replacing
-from glossbench.envmap.formats.files import read_pixels, write_exr
+from glossbench.envmap.formats.exr import encode_exr
+from glossbench.envmap.formats.files import read_pixels
+from glossbench.errors import InputError
 from glossbench.run.folder import Folder
+from glossbench.run.records import Records
+from glossbench.run.store import Store, open_store
 from glossbench.shading.image import Image
 from glossbench.strict_json import restore_numbers
 from glossbench.truth.reference import Reference
@@ -24,25 +28,37 @@ def make_key(parts: Any) -> str:
 
 
 class CellFiles:
-    """The cells and references in a folder of results.
+    """The cells and references of a run.
 
     Args:
-        folder: a folder that `glossbench run` made, or will make.
+        where: a folder, or an address of fsspec, to which `glossbench run` wrote or will write.
     """
 
-    def __init__(self, folder: Path | str) -> None:
-        self.folder = Path(folder)
-        self.disk = Folder(self.folder)
+    def __init__(self, where: Path | str | Store) -> None:
+        self.store = open_store(where)
+        self.disk = Records(self.store)
+
+    @property
+    def where(self) -> Path | str:
+        """The folder or address, as it is handed to reports."""
+        return self.store.root if isinstance(self.store, Folder) else self.store.address
+
+    @property
+    def folder(self) -> Path:
+        """The folder; InputError if the results lie elsewhere."""
+        if not isinstance(self.store, Folder):
+            raise InputError(f"{self.store.address} is not a folder of this machine")
+        return self.store.root
 
     # Cells.
 
     def has_cell(self, key: str) -> bool:
         """Whether this cell is done, skipped or failed."""
-        return self.disk.path(f"cells/{key}.json").is_file()
+        return self.store.has(f"cells/{key}.json")
 
     def remove_cell(self, key: str) -> None:
         """Remove the row of a cell, so that it counts as new."""
-        self.disk.path(f"cells/{key}.json").unlink(missing_ok=True)
+        self.store.remove(f"cells/{key}.json")
 
     def cell(self, key: str) -> dict[str, Any]:
         """The row of one cell; ValueError if its file is damaged."""
@@ -52,45 +68,41 @@ class CellFiles:
         """The damage to the files of an existing cell, in words; "" if all are as they were written."""
         return self.disk.find_damage(f"cells/{key}.json")
 
-    def add_cell(self, row: dict[str, Any], image: Image | None, half_vectors: NDArray[np.float32] | None) -> None:
-        """Write a cell. Its row comes last, because the row marks the cell as done."""
-        key, written = row["key"], []
-        for path in self.disk.path("images").glob(f"{key}_flip_*.npz"):
-            path.unlink(missing_ok=True)  # a map of the image that is replaced now
+    def add_cell(self, row: dict[str, Any], image: Image | None, half_vectors: NDArray[np.float32] | None) -> int:
+        """Write a cell; the bytes written. Its row comes last, because the row marks the cell as done."""
+        key, files = row["key"], {}
+        if self.store.has(f"images/{key}.exr"):
+            for name in self.store.list(f"images/{key}_flip_"):
+                self.store.remove(name)  # a map of the image that is replaced now
         if image is not None:
-            written = [self._write_image(f"images/{key}.exr", image.radiance)]
+            files[f"images/{key}.exr"] = encode_exr(image.radiance)
             for name, picture in image.pictures.items():
-                written.append(self._write_image(f"images/{key}_state_{name}.exr", picture.cpu()))
+                files[f"images/{key}_state_{name}.exr"] = encode_exr(picture)
         if half_vectors is not None:
-            written.append(f"images/{key}_half_vectors.npy")
-            with replacing(self.disk.path(written[-1])) as part, part.open("wb") as file:
-                np.save(file, half_vectors)
-        self.disk.write_with(f"cells/{key}.json", row, written)
+            files[f"images/{key}_half_vectors.npy"] = _encode(np.save, half_vectors)
+        return self.disk.write_with(f"cells/{key}.json", row, files)
 
     # References.
 
     def has_reference(self, key: str) -> bool:
         """Whether this reference is done."""
-        return self.disk.path(f"references/{key}.json").is_file()
+        return self.store.has(f"references/{key}.json")
 
     def find_reference_damage(self, key: str) -> str:
         """The damage to the files of an existing reference, in words; "" if all are as they were written."""
         return self.disk.find_damage(f"references/{key}.json")
 
-    def add_reference(self, key: str, truth: Reference, seconds: float) -> None:
-        """Write a reference. Its numbers come last, because they mark it as done."""
-        written = [
-            self._write_image(f"references/{key}.exr", truth.radiance),
-            self._write_image(f"references/{key}_standard_error.exr", truth.standard_error),
-            f"references/{key}_deviates.npz",
-            f"references/{key}_mask.png",
-        ]
-        with replacing(self.disk.path(written[2])) as part, part.open("wb") as file:
-            np.savez_compressed(file, deviates=truth.deviates.numpy())
-        with replacing(self.disk.path(written[-1])) as part:
-            Picture.fromarray(truth.mask.numpy().astype(np.uint8) * 255).save(part, format="PNG")
+    def add_reference(self, key: str, truth: Reference, seconds: float) -> int:
+        """Write a reference; the bytes written. Its numbers come last, because they mark it as done."""
+        mask = Picture.fromarray(truth.mask.numpy().astype(np.uint8) * 255)
+        files = {
+            f"references/{key}.exr": encode_exr(truth.radiance),
+            f"references/{key}_standard_error.exr": encode_exr(truth.standard_error),
+            f"references/{key}_deviates.npz": _encode(np.savez_compressed, deviates=truth.deviates.numpy()),
+            f"references/{key}_mask.png": _encode(mask.save, format="PNG"),
+        }
         numbers = {"n_samples": truth.n_samples, "seconds": seconds, "method": truth.method}
-        self.disk.write_with(f"references/{key}.json", numbers, written)
+        return self.disk.write_with(f"references/{key}.json", numbers, files)
 
     def reference_numbers(self, key: str) -> dict[str, Any]:
         """n_samples, seconds and method of a reference."""
@@ -110,28 +122,31 @@ class CellFiles:
 
     def deviates(self, key: str) -> NDArray[np.float16]:
         """Deviations (G, H, W, 3) of the groups of replicates of a reference [standard errors]."""
-        with self.disk.path(f"references/{key}_deviates.npz").open("rb") as file, np.load(file) as stored:
+        with np.load(BytesIO(self.store.get(f"references/{key}_deviates.npz"))) as stored:
             return np.asarray(stored["deviates"])
 
     def mask(self, key: str) -> NDArray[np.bool_]:
         """Pixels (H, W) of a reference that show the surface."""
-        with Picture.open(self.disk.path(f"references/{key}_mask.png")) as picture:
+        with Picture.open(BytesIO(self.store.get(f"references/{key}_mask.png"))) as picture:
             return np.asarray(picture) > 0
 
     def half_vectors(self, key: str) -> NDArray[np.float32] | None:
         """The pattern (N, 2), theta and phi, of a cell; None if the method has none."""
-        path = self.disk.path(f"images/{key}_half_vectors.npy")
-        return np.load(path, allow_pickle=False) if path.is_file() else None
+        name = f"images/{key}_half_vectors.npy"
+        return np.load(BytesIO(self.store.get(name)), allow_pickle=False) if self.store.has(name) else None
 
     def pictures(self, key: str) -> dict[str, NDArray[np.float32]]:
         """Pictures (H, W, 3) of the state of a cell's method, by name."""
-        stem = f"{key}_state_"
-        names = sorted(path.name for path in self.disk.path("images").glob(f"{stem}*.exr"))
-        return {name.removeprefix(stem).removesuffix(".exr"): self._read_pixels(f"images/{name}") for name in names}
+        stem = f"images/{key}_state_"
+        return {name.removeprefix(stem).removesuffix(".exr"): self._read_pixels(name) for name in self.store.list(stem)}
 
     def _read_pixels(self, name: str) -> NDArray[np.float32]:
-        return np.asarray(read_pixels(self.disk.path(name)))
+        with self.store.file(name) as path:
+            return np.asarray(read_pixels(path))
 
-    def _write_image(self, name: str, image: Tensor) -> str:
-        write_exr(self.disk.path(name), image)
-        return name
+
+def _encode(write: Callable[..., Any], *arguments: Any, **options: Any) -> bytes:
+    """What a function writes into a file that it is given as its first argument."""
+    file = BytesIO()
+    write(file, *arguments, **options)
+    return file.getvalue()

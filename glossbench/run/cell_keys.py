@@ -29,17 +29,21 @@ class Identity(NamedTuple):
         spelled: key of what the study states about the cell, without the keys that plug-ins return. A cell that fails
             before its own key is known, or that ends the process, is stored under this key.
         reference_key: key of its reference; empty if `key` is `spelled`.
+        light_key: key of its light; empty if it is not known.
         keys: keys of its material, view and method.
         error: why its own key is not known.
         ended: how often the process ended in this cell.
+        tries: how often it may end the process before it is passed over.
     """
 
     key: str
     spelled: str
     reference_key: str = ""
+    light_key: str = ""
     keys: tuple[str, ...] = ()
     error: BaseException | None = None
     ended: int = 0
+    tries: int = TRIES
 
 
 class CellKeys:
@@ -58,7 +62,6 @@ class CellKeys:
         self.code = compute_code_hash("glossbench.run.measuring")
         self._common = [compute_code_hash("glossbench.truth.reference"), study.reference.model_dump(), study.device]
         self._results, self._lights, self._guard = results, lights, guard
-        self._marks = results.folder / "begun"
         self._study = study  # keeps its items alive, so that each id belongs to one of them
         self._known: dict[int, str] = {}
         self._spelled: dict[int, list[Any]] = {}
@@ -78,8 +81,10 @@ class CellKeys:
         is_there = self._results.has_cell(spelled) and not self._results.find_cell_damage(spelled)
         if is_there and not again:
             return Identity(spelled, spelled)
-        tried = Attempt(self._marks, spelled, TRIES if is_foreign else OUR_TRIES)
-        attempt = Attempt(self._marks, f"{spelled}_key")  # a second mark, which is removed before the cell begins
+        tries = TRIES if is_foreign else OUR_TRIES
+        tried = Attempt(self._results.store, spelled, tries)
+        # A second mark, which is removed before the cell begins.
+        attempt = Attempt(self._results.store, f"{spelled}_key")
         for each in (tried, attempt):
             if each.is_hopeless and not is_there:
                 each.end()
@@ -101,7 +106,7 @@ class CellKeys:
         stated = [[*items[kind], key] for kind, key in zip(("material", "view", "method"), keys, strict=True)]
         reference_key = make_key([self._common, light_key, *(sources[place] for place in CONDITIONS), *stated[:2]])
         key = make_key([reference_key, self.code, stated[2], sources["method"], sources["metrics"]])
-        return Identity(key, spelled, reference_key, keys, ended=tried.ended)
+        return Identity(key, spelled, reference_key, light_key, keys, ended=tried.ended, tries=tries)
 
     def _compute_keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:
         if is_foreign:

@@ -16,7 +16,6 @@ import torch
 from glossbench.columns import CellRecord
 from glossbench.digests import compute_digest
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.lights.light import Light
 from glossbench.errors import MethodError, WriteError
 from glossbench.process.state import ProcessRestorer, is_foreign
 from glossbench.process.time_limit import time_limit
@@ -24,14 +23,16 @@ from glossbench.provenance import read_processor, read_version
 from glossbench.run.attempts import Attempt, remove_marks
 from glossbench.run.cell_items import CellParts
 from glossbench.run.cell_keys import AbandonedCell, CellKeys, Identity
+from glossbench.run.folder import Folder
 from glossbench.run.manifest import make_entry
 from glossbench.run.measuring import measure
+from glossbench.run.rates import Spent, measure_cell, measure_reference
 from glossbench.run.results import Results
 from glossbench.run.study_lights import ChangedInput, StudyLights
 from glossbench.shading.image import Image
 from glossbench.shading.outputs import check_notes, check_reason, check_view, escape_surrogates
 from glossbench.shading.stage_cache import StageCache
-from glossbench.study.cells import Cell
+from glossbench.study.cells import Cell, to_text
 from glossbench.study.study import Study
 from glossbench.truth.reference import Reference, compute_reference
 
@@ -46,12 +47,14 @@ class Progress:
         cell: called when a cell is done, with its row.
         note: called with one line about something unusual: a damaged file is made again, or the folder keeps a study
             with more cells.
+        spent: called with what a cell or a reference took, for predictions.
     """
 
     begin: Callable[[int], None] = lambda n: None
     doing: Callable[[str], None] = lambda text: None
     cell: Callable[[dict[str, Any]], None] = lambda row: None
     note: Callable[[str], None] = lambda text: None
+    spent: Callable[[Spent], None] = lambda spent: None
 
 
 class Executor:
@@ -62,13 +65,14 @@ class Executor:
     ) -> None:
         self.study, self.results, self.progress = study, results, progress
         self.use_cache, self.fail_fast = use_cache, fail_fast
-        self.lights = StudyLights(study.device, results.folder / "begun")
+        self.lights = StudyLights(study.device, results.store)
         self.keys = CellKeys(
             study, results, self.lights, lambda cell, key: self._guarded(cell, self._begin_record(cell, key))
         )
+        self._reference_seconds = 0.0  # that the cell which runs now has spent on its reference
         self._whole: dict[str, bool] = {}  # key of a reference -> whether it is on disk, undamaged
         self._truth: tuple[str, Reference] | None = None
-        self._stages_light: Light | None = None
+        self._stages_light = ""
         self._forget()
 
     def run(self, cell: Cell, known: Identity, rerun_failed: bool) -> dict[str, Any]:
@@ -76,16 +80,20 @@ class Executor:
 
         Raises:
             ChangedInput: a file has changed since the run began.
-            WriteError: the folder of results cannot be written.
+            WriteError: the store of the results cannot be written.
         """
+        self.lights.learn(cell.light, known.light_key)
         record = self._begin_record(cell, known.key, known.reference_key)
         stored = self._read_stored(cell, record)
         if stored is not None and not (rerun_failed and stored["status"] == "failed"):
             return stored
-        attempt = Attempt(self.results.folder / "begun", known.spelled)
+        attempt = Attempt(self.results.store, known.spelled, known.tries)
         try:
             if known.error is not None:
                 raise known.error
+            if attempt.is_hopeless:
+                raise AbandonedCell(f"{attempt.told}; --rerun-failed tries again")
+            began, self._reference_seconds = time.perf_counter(), 0.0
             attempt.begin()
             with self._guarded(cell, record) if self.keys.sources.has_foreign(cell) else nullcontext():
                 made = replace(CellParts.from_cell(cell), keys=known.keys)
@@ -96,24 +104,33 @@ class Executor:
         finally:
             attempt.end()
         self.results.remove_cell(known.spelled)
-        return self._write_cell(record, image, half_vectors)
-
-    def _write_cell(self, record: CellRecord, image: Image | None = None, half_vectors: Any = None) -> dict[str, Any]:
         row = record.to_row()
-        self.results.add_cell(row, image, half_vectors)
+        n_bytes = self.results.add_cell(row, image, half_vectors)
+        if record.status == "done":
+            seconds = time.perf_counter() - began - self._reference_seconds
+            self.progress.spent(measure_cell(cell, seconds, n_bytes))
+        return row
+
+    def trust(self, reference_key: str) -> None:
+        """Take a reference as whole, because this run has just made it."""
+        self._whole[reference_key] = True
+
+    def _write_without_image(self, record: CellRecord) -> dict[str, Any]:
+        row = record.to_row()
+        self.results.add_cell(row, None, None)
         return row
 
     def _write_failure(self, record: CellRecord, error: BaseException) -> dict[str, Any]:
         """Write and return the row of a cell that raised; some exceptions end the run instead."""
         self._forget()
-        if isinstance(error, WriteError) and error.path.is_relative_to(self.results.folder):
-            raise error  # the folder is at fault, not the cell
+        if isinstance(error, WriteError) and f"{error.path}".startswith(f"{self.results.store.address}/"):
+            raise error  # the store is at fault, not the cell
         if isinstance(error, KeyboardInterrupt | ChangedInput) or (self.fail_fast and isinstance(error, Exception)):
             raise error
         if self.fail_fast:
             raise MethodError(f"{record.method} raised {error!r}") from error
         told = str(error) if isinstance(error, AbandonedCell) else "".join(traceback.format_exception(error))
-        return self._write_cell(_make_failure(record, told))
+        return self._write_without_image(_make_failure(record, told))
 
     def _execute(self, cell: Cell, record: CellRecord, made: CellParts) -> tuple[CellRecord, Image | None, Any]:
         """(record of a cell with all measurements, its image, its pattern)."""
@@ -125,8 +142,8 @@ class Executor:
             if is_foreign(type(view)):
                 check_view(view)
             light = self.lights.get(cell.light)
-        if self._stages_light is not cell.light:  # stages of another light are not needed any more
-            self._stages, self._stages_light = StageCache(self.progress.doing), cell.light
+        if self._stages_light != to_text(cell.light):  # stages of another light are not needed any more
+            self._stages, self._stages_light = StageCache(self.progress.doing), to_text(cell.light)
         truth = self._provide_reference(cell, record, light, made)
         self.progress.doing(cell.method.name)
         with self._guarded(cell, record):
@@ -177,14 +194,19 @@ class Executor:
 
                 self.progress.doing("reference")
                 begin_round()
+                # Only a folder keeps the partial sums of a reference.
+                store = self.results.store
+                checkpoint = store.root / "references" if self.use_cache and isinstance(store, Folder) else None
                 truth = compute_reference(
                     light, made.material, made.view, options.relative_error, options.max_samples, options.seed, tell,
-                    self.results.folder / "references" if self.use_cache else None, options.method,
+                    checkpoint, options.method,
                 )  # fmt: skip
                 made.check_unchanged(cell)
             if not torch.isfinite(truth.radiance).all():
                 raise MethodError(f"the reference of {cell.material.name} is not finite everywhere")
-            self.results.add_reference(key, truth, time.perf_counter() - started)
+            n_bytes = self.results.add_reference(key, truth, time.perf_counter() - started)
+            self._reference_seconds = time.perf_counter() - started
+            self.progress.spent(measure_reference(cell, options, self._reference_seconds, n_bytes))
             self._whole[key] = True
         stored = Reference(
             torch.from_numpy(self.results.reference(key).astype(np.float64)),
@@ -232,8 +254,8 @@ class Executor:
         """Write the row of a cell that cannot be interrupted, with its stack, before the process ends."""
         reason = f"took more than the time limit of {self.study.time_limit:g} s, and could not be interrupted"
         stack = "".join(traceback.format_stack(sys._current_frames()[thread]))
-        self._write_cell(_make_failure(record, f"{stack}TimeoutError: {reason}\n"))
-        remove_marks(self.results.folder / "begun")
+        self._write_without_image(_make_failure(record, f"{stack}TimeoutError: {reason}\n"))
+        remove_marks(self.results.store)
         print(f"error: {record.method} {reason}; the same command goes on with the next cell", file=sys.__stderr__)
 
     def _begin_record(self, cell: Cell, key: str, reference_key: str = "") -> CellRecord:
@@ -247,7 +269,7 @@ class Executor:
 
     def _forget(self) -> None:
         """Drop everything that cells share, because a plug-in may have damaged it."""
-        self._stages, self._stages_light = StageCache(self.progress.doing), None
+        self._stages, self._stages_light = StageCache(self.progress.doing), ""
         self._truth = None
         self.lights.forget()
         for module in [

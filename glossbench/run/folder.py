@@ -1,32 +1,31 @@
-"""A folder to which this program writes results. Its files may be damaged, or written by another program."""
+"""A folder as a store. Its files may be damaged, or written by another program."""
 
 import errno
 import os
-import re
 import stat
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from hashlib import file_digest
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
-from typing import Any
-
-import pandas
 
 from glossbench.atomic import remove_abandoned, replacing
 from glossbench.errors import InputError, WriteError
-from glossbench.run.manifest import NAME, Manifest
-from glossbench.strict_json import seal, unseal
 
 
 @dataclass(frozen=True)
 class Folder:
-    """A folder of results. Links out of it are not followed, and only files of this program are overwritten.
+    """A folder as a store (`Store`). Links out of it are not followed.
 
     Attributes:
         root: its path, which may itself be a link.
     """
 
     root: Path
+
+    @property
+    def address(self) -> str:
+        return str(self.root)
 
     def path(self, name: str) -> Path:
         """The path of a file or folder in it; InputError for a link that leads out of it, a device or a pipe."""
@@ -38,18 +37,10 @@ class Folder:
             raise InputError(f"{path} is a device or a pipe; a folder of results holds files")
         return path
 
-    @property
-    def manifest(self) -> Manifest:
-        """The list of files that this program wrote, and of the study's cells."""
-        self.path(NAME)
-        return Manifest.read(self.root)
+    def locate(self, name: str) -> Path:
+        return self.root / name
 
     def create(self) -> None:
-        """Make the folders of a run, and remove files that a killed run left half-written.
-
-        Raises:
-            InputError: a folder cannot be made or written.
-        """
         try:
             os.fspath(self.root).encode()
             for name in ("", "cells", "images", "references"):
@@ -65,97 +56,35 @@ class Folder:
         except OSError as error:
             raise InputError(f"cannot write results to {self.root}: {error.strerror}") from None
 
-    def own(self, *names: str) -> None:
-        """Record in the manifest that files are this program's, before they are written.
-
-        Raises:
-            InputError: one of them exists and was not written by glossbench.
-        """
-        manifest = self.manifest
-        manifest.check_foreign(self.root, names)
+    def check_writable(self, name: str) -> None:
         if not os.access(self.root, os.W_OK | os.X_OK):
-            raise WriteError(self.root / names[0], "the folder is read-only")
-        if not set(names) <= set(manifest.files):
-            replace(manifest, files={**manifest.files, **dict.fromkeys(names)}).write(self.root)
+            raise WriteError(self.root / name, "the folder is read-only")
 
-    def keep_only(self, ending: str, folder: str, names: Collection[str]) -> None:
-        """Record the files written into a sub-folder; remove those with this ending that this program wrote earlier."""
-        manifest = self.manifest
-        written = [f"{folder}/{name}" for name in names]
-        old = [n for n in manifest.files if n not in written and re.fullmatch(rf"{folder}/\w+{re.escape(ending)}", n)]
-        for name in old:
-            self.path(name).unlink(missing_ok=True)
-        if old or not set(written) <= set(manifest.files):
-            files = {name: sha256 for name, sha256 in manifest.files.items() if name not in old}
-            replace(manifest, files={**files, **dict.fromkeys(written)}).write(self.root)
-        if old and self.path(folder).is_dir() and not any(self.path(folder).iterdir()):
+    def has(self, name: str) -> bool:
+        return os.path.lexists(self.root / name)
+
+    def get(self, name: str) -> bytes:
+        return self.path(name).read_bytes()
+
+    def put(self, name: str, data: bytes) -> None:
+        path = self.path(name)
+        if path.parent != self.root:
+            with suppress(OSError):  # the write itself fails then
+                path.parent.mkdir(exist_ok=True)
+        with replacing(path) as part:
+            part.write_bytes(data)
+
+    def remove(self, name: str) -> None:
+        self.path(name).unlink(missing_ok=True)
+
+    def list(self, prefix: str) -> list[str]:
+        folder, _, start = prefix.rpartition("/")
+        return sorted(f"{folder}/{path.name}" for path in self.path(folder).glob(f"{escape(start)}*"))
+
+    def prune(self, folder: str) -> None:
+        with suppress(OSError):  # it is missing, or holds files
             self.path(folder).rmdir()
 
-    def write(self, name: str, text: str) -> None:
-        """Write a text to a file, completely or not at all."""
-        with replacing(self.path(name)) as part:
-            part.write_text(text, encoding="utf-8")
-
-    def write_with(self, name: str, data: dict[str, Any], files: Iterable[str]) -> None:
-        """Write a mapping as JSON, with checksums of itself and of other files, which must exist already."""
-        self.write(name, seal({**data, "files": {other: self.compute_checksum(other) for other in files}}))
-
-    def read(self, name: str) -> dict[str, Any]:
-        """What `write_with` wrote; ValueError if the file is damaged."""
-        data = unseal(self.path(name).read_bytes())
-        data.pop("files", None)
-        return data
-
-    def compute_checksum(self, name: str) -> str | None:
-        """SHA-256 of a file; None if it cannot be read."""
-        try:
-            with self.path(name).open("rb") as file:
-                return file_digest(file, "sha256").hexdigest()
-        except OSError:
-            return None
-
-    def find_damage(self, name: str) -> str:
-        """The damage to a file that `write_with` wrote, or to the files that it names: "" if there is none.
-
-        A missing file, and results of older versions, which have no checksums, count as undamaged.
-        """
-        try:
-            stated = unseal(self.path(name).read_bytes()).get("files", {})
-            return next(
-                (
-                    self.explain_fault(other)
-                    for other, sha256 in stated.items()
-                    if self.compute_checksum(other) != sha256
-                ),
-                "",
-            )
-        except FileNotFoundError:
-            return ""
-        except InputError:
-            raise
-        except (OSError, ValueError, AttributeError, TypeError):
-            return self.explain_fault(name)
-
-    def is_altered(self, name: str) -> bool:
-        """Whether a file of a finished run has changed since the run wrote it."""
-        checksum = self.manifest.files.get(name)
-        return checksum is not None and self.compute_checksum(name) != checksum
-
-    def write_table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write rows as Parquet; into an open file, because pandas may take a name for an address."""
-        with replacing(self.path(name)) as part, part.open("wb") as file:
-            pandas.DataFrame(rows).to_parquet(file, index=False)
-
-    def read_table(self, name: str) -> pandas.DataFrame | None:
-        """The table in a file; None if it is damaged."""
-        try:
-            with self.path(name).open("rb") as file:
-                return None if self.is_altered(name) else pandas.read_parquet(file)
-        except InputError:
-            raise
-        except (OSError, ValueError):
-            return None
-
-    def explain_fault(self, name: str) -> str:
-        """The message that a file is damaged or missing."""
-        return f"{self.root / name} is {'damaged' if self.path(name).is_file() else 'missing'}"
+    @contextmanager
+    def file(self, name: str) -> Iterator[Path]:
+        yield self.path(name)

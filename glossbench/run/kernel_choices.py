@@ -1,4 +1,4 @@
-"""How each kernel of a run works, eagerly or compiled: chosen once, written into the folder of results, and kept.
+"""How each kernel of a run works, eagerly or compiled: chosen once, written into the store of the results, and kept.
 
 A compiled kernel may differ from the eager one by the rounding of its last digits. So a resumed run makes the choices
 of the run that it resumes, and ends with the same bytes.
@@ -6,7 +6,8 @@ of the run that it resumes, and ends with the same bytes.
 
 from collections.abc import Callable, Sequence
 
-from glossbench.run.folder import Folder
+from glossbench.errors import InputError
+from glossbench.run.store import Store
 from glossbench.shading.kernels.backend import COMPILED, EAGER, is_ready, pays
 from glossbench.shading.kernels.build import Call, build_all
 from glossbench.strict_json import dumps, loads
@@ -15,22 +16,26 @@ NAME = "kernels.json"
 
 
 class KernelChoices:
-    """The choices of one folder of results: by key of a kernel, its name and how it runs.
+    """The choices of one run: by key of a kernel, its name and how it runs.
 
     Args:
-        folder: the folder of results.
+        store: where the results of the run lie.
         again: forget the choices of earlier runs.
     """
 
-    def __init__(self, folder: Folder, again: bool = False) -> None:
-        self._folder = folder
-        self._choices: dict[str, list[str]] = {} if again else _read(folder)
+    def __init__(self, store: Store, again: bool = False) -> None:
+        self._store = store
+        if again:
+            store.remove(NAME)
+        self._choices = _read(store)
 
     def choose(self, call: Call) -> bool:
         """Whether a call runs compiled. If that has not been chosen, it does if it can at once.
 
         On another device nothing is ready, and the choice is whether compiling pays for this call.
         """
+        if call.key not in self._choices:
+            self._choices = _read(self._store) | self._choices  # what other processes of this run chose
         if call.key not in self._choices:
             self._set([(call, is_ready(call) if call.is_on_cpu else pays(call))])
         return self._choices[call.key][1] == COMPILED
@@ -58,13 +63,15 @@ class KernelChoices:
 
     def _set(self, choices: Sequence[tuple[Call, bool]]) -> None:
         self._choices |= {call.key: [call.kernel.name, COMPILED if ready else EAGER] for call, ready in choices}
-        self._folder.write(NAME, dumps(dict(sorted(self._choices.items())), indent=1))
+        self._store.put(NAME, dumps(dict(sorted(self._choices.items())), indent=1).encode())
 
 
-def _read(folder: Folder) -> dict[str, list[str]]:
-    """The choices in a folder; none if the file is missing or damaged."""
+def _read(store: Store) -> dict[str, list[str]]:
+    """The choices in a store; none if the file is missing or damaged."""
     try:
-        read = loads(folder.path(NAME).read_bytes())
+        read = loads(store.get(NAME))
         return {key: [str(name), str(how)] for key, (name, how) in read.items()}
+    except InputError:
+        raise
     except (OSError, ValueError, AttributeError, TypeError):
         return {}

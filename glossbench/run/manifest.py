@@ -1,13 +1,11 @@
-"""The manifest of a folder of results: the files that this program wrote, and the cells of its study."""
+"""The manifest of results: the files that this program wrote, and the cells of its study."""
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-from glossbench.atomic import replacing
 from glossbench.errors import InputError
+from glossbench.run.store import Store
 from glossbench.strict_json import seal, unseal
 
 NAME = "glossbench.json"
@@ -22,7 +20,7 @@ COMPARED = (*LISTED, *STATED, "metrics", "exclude")  # keys of a resolved study 
 
 @dataclass(frozen=True)
 class Manifest:
-    """The files of a folder of results that this program wrote, and its cells. The manifest itself may be forged.
+    """The files of a store that this program wrote, and its cells. The manifest itself may be forged.
 
     Attributes:
         cells: for each cell of the study, in order, the columns ENTRY of its row; empty for results of older versions.
@@ -35,27 +33,32 @@ class Manifest:
     is_finished: bool = False
 
     @staticmethod
-    def read(folder: Path) -> "Manifest":
-        """The manifest of a folder; if it is missing or damaged, one made from the names of the files."""
-        there = [name for name in (*SUMMARY, *KEPT, *REPORTS) if os.path.lexists(folder / name)]
-        is_finished = set(SUMMARY) <= set(there)
+    def read(store: Store) -> "Manifest":
+        """The manifest of a store; if it is missing or damaged, one made from the names of the files."""
         try:
-            data = unseal((folder / NAME).read_bytes())
+            data = unseal(store.get(NAME))
             cells, files = tuple(data["cells"]), dict(data["files"])
             if all(set(ENTRY) <= set(cell) for cell in cells):
                 return Manifest(cells, files, data["is_finished"] is True)
+            is_missing = False
+        except InputError:
+            raise
         except FileNotFoundError:
-            return Manifest((), dict.fromkeys(there), True) if is_finished else Manifest()
+            is_missing = True
         except (OSError, ValueError, KeyError, TypeError):
-            pass
+            is_missing = False
+        there = [name for name in (*SUMMARY, *KEPT, *REPORTS) if store.has(name)]
+        is_finished = set(SUMMARY) <= set(there)
+        if is_missing and not is_finished:
+            return Manifest()
         return Manifest((), dict.fromkeys(there), is_finished)
 
-    def check_foreign(self, folder: Path, names: Iterable[str]) -> None:
+    def check_foreign(self, store: Store, names: Iterable[str]) -> None:
         """InputError if one of these files exists and was not written by glossbench."""
         for name in names:
-            if name not in self.files and os.path.lexists(folder / name):
+            if name not in self.files and store.has(name):
                 raise InputError(
-                    f"{folder / name} was not written by glossbench, and would be lost: move it away, or choose "
+                    f"{store.locate(name)} was not written by glossbench, and would be lost: move it away, or choose "
                     "another folder with -o"
                 )
 
@@ -75,11 +78,10 @@ class Manifest:
             return [f"{len(gone)} cells of a study.yaml that is damaged"] if gone else []
         return _find_lost(before, study)
 
-    def write(self, folder: Path) -> None:
+    def write(self, store: Store) -> None:
         """Write the manifest in place of the previous one."""
         data = {"cells": list(self.cells), "files": dict(self.files), "is_finished": self.is_finished}
-        with replacing(folder / NAME) as part:
-            part.write_text(seal(data))
+        store.put(NAME, seal(data).encode())
 
 
 def make_entry(row: Mapping[str, Any]) -> dict[str, Any]:

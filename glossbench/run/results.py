@@ -1,4 +1,4 @@
-"""The results of a run on disk: one folder per study. A cell is stored completely or not at all, under its key.
+"""The results of a run: one folder or other store per study. A cell is stored whole or not at all, under its key.
 
 study.yaml          the resolved study
 cells.parquet       one row per cell, in the order of the study
@@ -10,6 +10,7 @@ provenance.json     versions, hardware, times
 glossbench.json     the list of files that this program wrote, and the keys of the study's cells; exists from the start
 cells/KEY.json      the row of one cell, with checksums of itself and of its files; the cell is done if it exists
 begun/KEY.begun     a mark while a cell is computed: how often the process ended during this cell
+begun/run.json      the run that writes to this folder now
 images/KEY.exr      the image of a cell. KEY_half_vectors.npy is its pattern and KEY_state_NAME.exr are pictures of its
                     state, if the method has them; KEY_flip_N.npz is a FLIP map of a page, averaged over N x N pixels
 references/KEY.exr  a reference. KEY_standard_error.exr is its standard error, KEY_deviates.npz holds the deviations of
@@ -40,32 +41,32 @@ AGAIN = "; the same `glossbench run` makes it again"
 
 
 class Results(CellFiles):
-    """The results of one study in a folder, to be read or extended.
+    """The results of one study in a store, to be read or extended.
 
     Args:
-        folder: a folder that `glossbench run` made, or will make.
+        where: a folder, or an address of fsspec, to which `glossbench run` wrote or will write.
 
     Raises:
-        InputError: the folder cannot be made or written (begin), or does not hold results (read).
+        InputError: the store cannot be made or written (begin), or does not hold results (read).
     """
 
     @classmethod
-    def open(cls, folder: Path | str) -> "Results":
+    def open(cls, where: Path | str) -> "Results":
         """Existing results, of a finished or unfinished run."""
-        results = cls(folder)
+        results = cls(where)
         for name in ["study.yaml"] if results.disk.manifest.cells else ["cells.parquet", *SUMMARY]:
-            if not results.disk.path(name).is_file():
-                raise InputError(f"{results.folder} holds no results: {name} is missing")
+            if not results.store.has(name):
+                raise InputError(f"{results.store.address} holds no results: {name} is missing")
         return results
 
     def create(self) -> None:
-        """Make the folders, and remove files that a killed run left half-written.
+        """Make the store, and remove files that a killed run left half-written.
 
         Raises:
-            InputError: the folder cannot be written, or holds foreign files that would be lost.
+            InputError: the store cannot be written, or holds foreign files that would be lost.
         """
-        self.disk.manifest.check_foreign(self.folder, (*SUMMARY, *KEPT))
-        self.disk.create()
+        self.disk.manifest.check_foreign(self.store, (*SUMMARY, *KEPT))
+        self.store.create()
 
     # A run, from its beginning to its end.
 
@@ -84,13 +85,13 @@ class Results(CellFiles):
         if missing and not is_part:
             lost = join_first(missing)
             raise InputError(
-                f"{self.folder} holds results that this run does not have, and that would be lost: {lost}; "
+                f"{self.store.address} holds results that this run does not have, and that would be lost: {lost}; "
                 "choose another folder with -o"
             )
         if is_part:
-            return f"{self.folder} keeps its other results of this study: {join_first(missing)}"
+            return f"{self.store.address} keeps its other results of this study: {join_first(missing)}"
         if cells != old.cells or study != before:
-            Manifest(cells, {**old.files, **dict.fromkeys((*SUMMARY, *KEPT))}).write(self.folder)
+            Manifest(cells, {**old.files, **dict.fromkeys((*SUMMARY, *KEPT))}).write(self.store)
             self.disk.write("study.yaml", dump(dict(study)))
             self.disk.write("provenance.json", dumps({**provenance, "finished": "not yet"}, indent=1))
         self.disk.own(*KEPT)
@@ -117,21 +118,23 @@ class Results(CellFiles):
             if len(rows) < len(found):
                 return
             verdicts = self._judge(pandas.DataFrame(rows))
-        for partial in self.disk.path("references").glob(f"{'[0-9a-f]' * 20}.partial.npz"):
-            partial.unlink(missing_ok=True)  # left by a study that has changed since
+        for name in self.store.list("references/"):
+            if name.endswith(".partial.npz"):
+                self.store.remove(name)  # left by a study that has changed since
         self.disk.write("study.yaml", dump(study))
         self.disk.write("claims.json", dumps(verdicts, indent=1))
         self.disk.write("provenance.json", dumps(provenance, indent=1))
         self.disk.write_table("cells.parquet", with_names(rows))
         files = {name: self.disk.compute_checksum(name) for name in (*SUMMARY, *KEPT)}
-        Manifest(tuple(map(make_entry, rows)), {**old.files, **files}, True).write(self.folder)
+        Manifest(tuple(map(make_entry, rows)), {**old.files, **files}, True).write(self.store)
 
     # The whole study.
 
     @property
     def study(self) -> dict[str, Any]:
         """The resolved study."""
-        return read_document(self.disk.path("study.yaml")).data
+        with self.store.file("study.yaml") as path:
+            return read_document(path).data
 
     @property
     def cells(self) -> pandas.DataFrame:
@@ -139,14 +142,14 @@ class Results(CellFiles):
         manifest = self.disk.manifest
         cells = self.disk.read_table("cells.parquet") if manifest.is_finished else None
         if cells is None and not manifest.cells:
-            raise InputError(f"{self.folder}/cells.parquet is damaged{AGAIN}")
+            raise InputError(f"{self.store.address}/cells.parquet is damaged{AGAIN}")
         if cells is None:
             rows = [row for row in map(self._read_row, manifest.cells) if row is not None]
             cells = pandas.DataFrame(with_names(rows))
         if cells.empty:
-            raise InputError(f"{self.folder}: none of {len(manifest.cells)} cells is done yet")
+            raise InputError(f"{self.store.address}: none of {len(manifest.cells)} cells is done yet")
         if not {"key", "reference_key", "status", "reason"} <= set(cells.columns):
-            raise InputError(f"{self.folder}/cells.parquet is not a table of cells{AGAIN}")
+            raise InputError(f"{self.store.address}/cells.parquet is not a table of cells{AGAIN}")
         damage: dict[str, str] = {}
         for i, row in enumerate(cells.to_dict("records")):
             if row["status"] == "done":
@@ -162,7 +165,7 @@ class Results(CellFiles):
         """The columns of the cells by name, as the run stored them; for older results, those of this version."""
         if not self.disk.is_altered("columns.json"):
             with suppress(OSError, ValueError, InputError):
-                return columns_from_json(loads(self.disk.path("columns.json").read_bytes()))
+                return columns_from_json(loads(self.store.get("columns.json")))
         return collect_columns(self.study["metrics"])
 
     @property
@@ -180,7 +183,7 @@ class Results(CellFiles):
         """The descriptions of everything that the study names, as the run stored them; else those installed here."""
         if not self.disk.is_altered("described.json"):
             with suppress(OSError, ValueError, InputError):
-                return Descriptions.from_dict(loads(self.disk.path("described.json").read_bytes()))
+                return Descriptions.from_dict(loads(self.store.get("described.json")))
         return describe_study(self.study, is_of_run=False)
 
     @property
@@ -188,7 +191,7 @@ class Results(CellFiles):
         """The verdicts; for an unfinished run, verdicts on the existing cells, and each summary says so."""
         if self.disk.manifest.is_finished and not self.disk.is_altered("claims.json"):
             with suppress(OSError, json.JSONDecodeError):
-                loaded: list[dict[str, Any]] = loads(self.disk.path("claims.json").read_bytes())
+                loaded: list[dict[str, Any]] = loads(self.store.get("claims.json"))
                 return loaded
         return self._judge(self.cells)
 
@@ -197,7 +200,7 @@ class Results(CellFiles):
         """Versions, hardware, times; empty if the file is damaged."""
         loaded: dict[str, Any] = {}
         with suppress(OSError, json.JSONDecodeError, UnicodeDecodeError):
-            loaded = json.loads(self.disk.path("provenance.json").read_bytes())
+            loaded = json.loads(self.store.get("provenance.json"))
         return loaded
 
     def remarks(self, cells: pandas.DataFrame) -> list[str]:

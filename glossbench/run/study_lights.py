@@ -1,7 +1,5 @@
 """The lights of a running study: one in memory at a time, each identified by the key of the data that was read."""
 
-from pathlib import Path
-
 import torch
 
 from glossbench.digests import compute_digest
@@ -12,6 +10,7 @@ from glossbench.options import copy_of
 from glossbench.process.state import is_foreign
 from glossbench.run.attempts import Attempt
 from glossbench.run.cell_files import make_key
+from glossbench.run.store import Store
 from glossbench.shading.outputs import check_key, check_notes
 from glossbench.study.cells import to_text
 
@@ -25,12 +24,12 @@ class StudyLights:
 
     Args:
         device: device of the lights.
-        marks: folder of the marks that are kept while the light of a plug-in is made.
+        store: where a mark is kept while the light of a plug-in is made.
     """
 
-    def __init__(self, device: str, marks: Path) -> None:
-        self._device, self._marks = device, marks
-        self._item: Light | None = None
+    def __init__(self, device: str, store: Store) -> None:
+        self._device, self._store = device, store
+        self._item = ""  # text of the light in memory
         self._light: CubeMap | None = None
         # All by the text of the light (to_text).
         self._keys: dict[str, str] = {}
@@ -45,13 +44,13 @@ class StudyLights:
             ChangedInput: its file has changed since it was first read.
             MethodError: a plug-in's light is not a valid light, or it failed before.
         """
-        if self._light is None or self._item is not item:
+        if self._light is None or self._item != to_text(item):
             self._light = None
             light = self._make_of_plugin(item) if is_foreign(type(item)) else self._make(item)
             if self._keys.setdefault(to_text(item), light.key) != light.key:
                 called = getattr(item, "file", item.name)
                 raise ChangedInput(f"light {called}: has changed while the study ran; run it again")
-            self._light, self._item, self._digest = light, item, compute_digest(light)
+            self._light, self._item, self._digest = light, to_text(item), compute_digest(light)
         return self._light
 
     def key(self, item: Light) -> str:
@@ -60,6 +59,11 @@ class StudyLights:
         if text not in self._keys:
             self._keys[text] = self.get(item).key if is_foreign(type(item)) else item.key()
         return self._keys[text]
+
+    def learn(self, item: Light, key: str) -> None:
+        """Take a key that another process has found, if it is not empty: the light that is made here must have it."""
+        if key:
+            self._keys.setdefault(to_text(item), key)
 
     def known_key(self, item: Light) -> str:
         """The key if it is known; "" if the light cannot be made."""
@@ -91,7 +95,7 @@ class StudyLights:
         text = to_text(item)
         if text in self._broken:
             raise MethodError(self._broken[text])
-        attempt = Attempt(self._marks, make_key(["light", item.name, item.as_dict()]))
+        attempt = Attempt(self._store, make_key(["light", item.name, item.as_dict()]))
         if attempt.is_hopeless:
             raise MethodError(f"light {item.name} ended the process {attempt.ended} times; it is skipped")
         attempt.begin()

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from glossbench.brdf.measured_file import FORMATS
 from glossbench.documentation import read_attributes, read_first_line
+from glossbench.memory import read_size
 from glossbench.options import Finite, Options, Seed, make_schema
 from glossbench.registry import Registry
 from glossbench.scene.mesh_files import READERS
@@ -54,6 +55,12 @@ def _find_module(name: str) -> str:
     return name
 
 
+def _check_size(text: str) -> str:
+    if read_size(text) is None:
+        raise ValueError(f"must be a number and kB, MB, GB or TB, such as 4 GB: {text}")
+    return text
+
+
 class StudyKeys(BaseModel):
     """The keys of a study. The options of an item depend on its name.
 
@@ -72,6 +79,8 @@ class StudyKeys(BaseModel):
             are left out.
         seed: seed of the reference, and of methods without a stated seed.
         device: device on which methods are computed.
+        memory: memory that all processes of a run may take together, such as 4 GB. A run that is predicted to take more
+            is refused.
         time_limit: seconds that a cell may take, without its reference; a cell that takes longer has failed.
         plugins: modules that register methods, materials, lights, views or metrics: installed, or in this folder.
     """
@@ -90,6 +99,7 @@ class StudyKeys(BaseModel):
     exclude: Annotated[list[dict[str, Any]], Field(max_length=MAX_ENTRIES)] = []
     seed: Seed = 0
     device: Literal["cpu", "cuda"] = "cpu"
+    memory: Annotated[str, AfterValidator(_check_size)] | None = None
     time_limit: Annotated[float, Field(gt=0, le=1e7)] = 3600.0
     plugins: list[Annotated[str, AfterValidator(_find_module)]] = []
 

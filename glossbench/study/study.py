@@ -19,6 +19,7 @@ from glossbench.columns import COLUMNS
 from glossbench.envmap.lights.file_light import FileLight, make_light
 from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError, suggest_nearest
+from glossbench.memory import read_size
 from glossbench.metrics import METRICS, Metric
 from glossbench.metrics.metric import name_columns
 from glossbench.options import Options
@@ -46,6 +47,7 @@ class Study:
     Attributes:
         exclude: mappings of light, material, view, method or an option to a value; cells that fit one are left out.
         time_limit: seconds that a cell may take, without its reference.
+        memory: bytes that all processes of a run may take together; None for no bound.
         name: name of its file, without the ending.
         folder: folder of its file.
     """
@@ -67,6 +69,7 @@ class Study:
     plugins: tuple[str, ...]
     name: str = field(compare=False)
     folder: Path = field(compare=False)
+    memory: int | None = None
 
     def with_seed(self, seed: int) -> "Study":
         """A copy with another seed. It is used by the reference and by methods that do not set their own.
@@ -154,7 +157,7 @@ class Study:
             "claims": [claim.model_dump(mode="json", exclude_none=True) for claim in self.claims],
             "exclude": [dict(entry) for entry in self.exclude],
             "seed": self.seed, "device": self.device, "time_limit": self.time_limit, "plugins": list(self.plugins),
-        }  # fmt: skip
+        } | ({"memory": f"{self.memory / 1e9:.9f}".rstrip("0").rstrip(".") + " GB"} if self.memory else {})  # fmt: skip
 
     def _state_metric(self, metric: Metric) -> str | dict[str, Any]:
         """The metric as a study states it: its name alone if that identifies it, else the name with its options."""
@@ -224,7 +227,7 @@ def load_study_with_forms(
         reference=model.reference.with_seed(model.seed), metrics=metrics,
         claims=(), exclude=tuple(model.exclude),
         seed=model.seed, device=model.device, time_limit=model.time_limit, plugins=tuple(model.plugins),
-        name=path.stem, folder=folder,
+        name=path.stem, folder=folder, memory=read_size(model.memory) if model.memory else None,
     )  # fmt: skip
     study = replace(study, exclude=check_exclude(document, study, any_light=light is not None))
     if open_files:

@@ -22,5 +22,5 @@ class Answer(Figure):
     def printed(self, report: Report, press: Press, **given: Any) -> dict[str, Any]:
         found = report.find_answer(given["metric"])
         if found is None:
-            raise InputError(f"{report.results.folder} has no cell with an image and {given['metric']}")
+            raise InputError(f"{report.results.store.address} has no cell with an image and {given['metric']}")
         return {"kind": "crops", **PrintedGroup(report.results, found.group, press).arrange_crops(found.cells)}

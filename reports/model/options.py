@@ -59,7 +59,9 @@ class MetricOption:
         if text is None:
             return report.metrics[0] if report.metrics else "rms"
         if text not in report.measured and not (self.with_costs and text in COSTS):
-            raise InputError(f"{report.results.folder} has no metric {text!r}{suggest_nearest(text, report.measured)}")
+            raise InputError(
+                f"{report.results.store.address} has no metric {text!r}{suggest_nearest(text, report.measured)}"
+            )
         return text
 
 
@@ -85,7 +87,7 @@ class AxisOption:
             raise InputError(f"--over {text} may mean {meant}: say which")
         if not found:
             names = ", ".join(axis.name for axis in known)
-            raise InputError(f"{report.results.folder} does not sweep {text!r}: --over must be one of {names}")
+            raise InputError(f"{report.results.store.address} does not sweep {text!r}: --over must be one of {names}")
         return found[0]
 
 
@@ -156,7 +158,7 @@ def _pick(report: Report, choices: Sequence[Choice], number: int | None) -> Any:
     """The choice with this number, counted from 1; without a number, the only choice."""
     titles = "; ".join(f"{choice.name}: {choice.title}" for choice in choices)
     if not choices:
-        raise InputError(f"{report.results.folder} has no cell with an image")
+        raise InputError(f"{report.results.store.address} has no cell with an image")
     if number is None and len(choices) > 1:
         raise InputError(f"which light, material and view? --group must be one of {titles}")
     if number is not None and not 1 <= number <= len(choices):

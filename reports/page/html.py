@@ -37,9 +37,9 @@ MOST_ROWS, FEWEST_ROWS = 1000, 5  # of a table, in total and for one light, mate
 PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
 
 
-def write_report(folder: Path) -> Path:
-    """Write report.html into a folder of results, whole or not at all, and return its path."""
-    results = Results(folder)
+def write_report(where: Path | str) -> Path | str:
+    """Write report.html to the store of results, whole or not at all, and return its path or address."""
+    results = Results(where)
     results.disk.own("report.html")
     report = Report.from_results(results)
     viewer = build_payload(results, report.groups, report.measured[0] if report.measured else None)
@@ -82,7 +82,7 @@ def write_report(folder: Path) -> Path:
     )
     results.disk.write("report.html", page)
     remove_others(results, viewer)
-    return results.folder / "report.html"
+    return results.store.locate("report.html")
 
 
 @cache

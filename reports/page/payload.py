@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
+from io import BytesIO
 from math import ceil, log2, prod, sqrt
-from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
@@ -21,9 +21,10 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from glossbench.atomic import replacing
+from glossbench.errors import InputError
 from glossbench.metrics.perceptual import FLIP
 from glossbench.run.results import Results
+from glossbench.run.store import Store
 from glossbench.strict_json import dumps
 
 from .. import raster, style
@@ -188,23 +189,26 @@ def _to_halves(radiance: Floats, fourth: Floats) -> Planes:
 
 def _keep_map(results: Results, name: str, shape: tuple[int, ...], make: Callable[[], Floats]) -> Floats:
     """A map in steps of 1/256, computed for the first page of these results, or again if its file is damaged."""
-    path = results.disk.path(name)
-    steps = _read_stored(path, shape)
+    steps = _read_stored(results.store, name, shape)
     if steps is None:
         steps = (256 * make()).astype(np.uint16)
-        with replacing(path) as part, part.open("wb") as file:
-            np.savez_compressed(file, steps=steps)
+        coded = BytesIO()
+        np.savez_compressed(coded, steps=steps)
+        results.store.put(name, coded.getvalue())
     return steps / 256
 
 
-def _read_stored(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
+def _read_stored(store: Store, name: str, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
     """The steps in a file of a map; None if there is no complete file of this shape."""
     try:
-        with ZipFile(path) as file:  # a ZIP file has checksums
+        coded = BytesIO(store.get(name))
+        with ZipFile(coded) as file:  # a ZIP file has checksums
             if sum(member.file_size for member in file.infolist()) > 2 * prod(shape) + 1000 or file.testzip():
                 return None
-        with np.load(path, allow_pickle=False) as kept:
+        with np.load(coded, allow_pickle=False) as kept:
             steps: NDArray[np.uint16] = kept["steps"]
+    except InputError:
+        raise
     except (OSError, ValueError, KeyError, EOFError, BadZipFile, NotImplementedError, RuntimeError, zlib.error):
         return None
     return steps if steps.dtype == np.uint16 and steps.shape == shape else None
@@ -229,9 +233,8 @@ def _encode_colours(colours: Any) -> str:
 
 def _write_beside(results: Results, name: str, data: bytes) -> str:
     """Write an image as a script for the page. A file of this name is replaced: an unknown script would run."""
-    path = results.disk.path(f"{FOLDER}/{name}.js")
-    text = f'glossbenchImage("{name}","{b64encode(data).decode()}")\n'
-    if not path.is_file() or path.stat().st_size != len(text) or path.read_text("latin-1") != text:
-        path.parent.mkdir(exist_ok=True)
-        results.disk.write(f"{FOLDER}/{name}.js", text)
-    return path.name
+    store, file = results.store, f"{name}.js"
+    script = f'glossbenchImage("{name}","{b64encode(data).decode()}")\n'.encode()
+    if not store.has(f"{FOLDER}/{file}") or store.get(f"{FOLDER}/{file}") != script:
+        store.put(f"{FOLDER}/{file}", script)
+    return file

@@ -44,8 +44,12 @@ def make_pattern_tiles(results: Results, groups: Sequence[Group]) -> dict[str, A
 def make_state_tiles(results: Results, groups: Sequence[Group]) -> list[dict[str, Any]]:
     """Pictures of the precomputed state of methods, each at its own exposure; of many cells, the first ones."""
     tiles: list[dict[str, Any]] = []
-    # The folder may have many thousand files: it is listed once, not once per cell.
-    have = {path.name.partition("_state_")[0] for path in (results.folder / "images").glob("*_state_*.exr")}
+    # There may be many thousand files: they are listed once, not once per cell.
+    have = {
+        name.removeprefix("images/").partition("_state_")[0]
+        for name in results.store.list("images/")
+        if "_state_" in name
+    }
     for group in groups:
         for cell in group.done:
             key = cell.row["key"]

@@ -8,7 +8,6 @@ from typing import Any
 import yaml
 from matplotlib.figure import Figure
 
-from glossbench.atomic import replacing
 from glossbench.run.figures import FIGURES
 from glossbench.run.results import Results
 from glossbench.study.labels import format_options
@@ -34,9 +33,9 @@ PLUG_IN = "defined by a plug-in"
 Titled = tuple[Figure, str]
 
 
-def write_report(folder: Path) -> Path:
-    """Write report.pdf into a folder of results, whole or not at all, and return its path."""
-    results = Results(folder)
+def write_report(where: Path | str) -> Path | str:
+    """Write report.pdf to the store of results, whole or not at all, and return its path or address."""
+    results = Results(where)
     results.disk.own("report.pdf")
     report = Report.from_results(results)
     study, metrics, missing = report.study, report.metrics, without_image(report)
@@ -76,10 +75,8 @@ def write_report(folder: Path) -> Path:
             "provenance": [{"name": name, "value": value} for name, value in list_provenance(report)],
         }  # fmt: skip
         pdf = press.pages("report.typ", data)
-    path = results.disk.path("report.pdf")
-    with replacing(path) as part:
-        part.write_bytes(pdf)
-    return path
+    results.store.put("report.pdf", pdf)
+    return results.store.locate("report.pdf")
 
 
 def _arrange_images(report: Report, press: Press) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:

@@ -11,6 +11,7 @@ import pytest
 from glossbench.errors import InputError
 from glossbench.reports import style
 from glossbench.reports.page import html, payload
+from glossbench.run.folder import Folder
 from glossbench.run.manifest import Manifest
 from oracles.discs import write_results
 
@@ -73,7 +74,7 @@ def test_images_of_an_older_page_go_and_files_of_others_stay(folder, monkeypatch
     html.write_report(folder)
 
     assert scripts(folder) == {"app.js": "precious"}
-    assert [name for name in Manifest.read(folder).files if name.startswith("report_images/")] == []
+    assert [name for name in Manifest.read(Folder(folder)).files if name.startswith("report_images/")] == []
 
 
 def test_a_folder_of_images_that_is_empty_goes(folder, monkeypatch):
@@ -97,9 +98,9 @@ def test_images_that_were_removed_already_are_ignored(folder, monkeypatch):
 def test_a_planted_manifest_removes_nothing_but_images_of_a_page(folder, tmp_path, monkeypatch):
     (tmp_path / "app.js").write_text("precious")
     (folder / "mine.js").write_text("precious")
-    old = Manifest.read(folder)
+    old = Manifest.read(Folder(folder))
     names = ["../app.js", "report_images/../mine.js", "report_images/../../app.js", str(tmp_path / "app.js"), "mine.js"]
-    Manifest(old.cells, {**old.files, **dict.fromkeys(names)}, old.is_finished).write(folder)
+    Manifest(old.cells, {**old.files, **dict.fromkeys(names)}, old.is_finished).write(Folder(folder))
     monkeypatch.setattr(payload, "INLINE", 10**9)
 
     html.write_report(folder)
@@ -124,9 +125,9 @@ def test_a_folder_of_images_that_is_a_link_is_not_followed(folder, tmp_path, mon
 
 @pytest.mark.parametrize("is_link", [False, True])
 def test_a_foreign_page_is_not_overwritten(folder, tmp_path, is_link):
-    old = Manifest.read(folder)
+    old = Manifest.read(Folder(folder))
     files = {name: checksum for name, checksum in old.files.items() if name != "report.html"}
-    Manifest(old.cells, files, old.is_finished).write(folder)
+    Manifest(old.cells, files, old.is_finished).write(Folder(folder))
     mine = tmp_path / "mine.html"
     mine.write_text("precious")
     (folder / "report.html").unlink()
@@ -179,7 +180,7 @@ def test_a_folder_that_may_only_be_read_is_one_line(folder, monkeypatch):
 
 
 def test_a_page_of_a_run_that_is_not_finished_says_how_far_it_is(folder):
-    old = Manifest.read(folder)
+    old = Manifest.read(Folder(folder))
     keys = [path.stem for path in (folder / "images").glob("*[0-9].exr")]
     cells = tuple({"key": key, "light_options": "{}", "seed": 0} for key in [*keys, "absent"])
     table = html.Results(folder).cells.to_dict("records")
@@ -187,7 +188,7 @@ def test_a_page_of_a_run_that_is_not_finished_says_how_far_it_is(folder):
     for row in table:
         if row["key"] in keys:
             (folder / "cells" / f"{row['key']}.json").write_text(json.dumps(row))
-    Manifest(cells, old.files, False).write(folder)
+    Manifest(cells, old.files, False).write(Folder(folder))
 
     page = html.write_report(folder).read_text()
 

@@ -19,7 +19,6 @@ from matplotlib import colormaps
 from glossbench.metrics.perceptual import FLIP
 from glossbench.reports import style
 from glossbench.reports.page import html, payload, scripts
-from glossbench.run.folder import Folder
 from oracles.discs import N, write_results
 
 BUDGETS = (4, 64)
@@ -511,7 +510,7 @@ def test_a_lost_image_file_is_named(beside, browser):
 
 def test_image_files_of_an_older_page_are_removed(beside, folder, monkeypatch):
     names = {path.name for path in (beside / "report_images").iterdir()}
-    Folder(beside).own("report_images/old.js")  # by a page of this program; what others put there stays
+    Results(beside).disk.own("report_images/old.js")  # by a page of this program; what others put there stays
     (beside / "report_images" / "old.js").write_text("")
 
     html.write_report(beside)

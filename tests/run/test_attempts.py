@@ -14,6 +14,7 @@ from glossbench.envmap.lights.light import LIGHTS, Light
 from glossbench.metrics import METRICS, Metric
 from glossbench.run.attempts import Attempt
 from glossbench.run.executor import Executor
+from glossbench.run.folder import Folder
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.run.study_lights import ChangedInput
@@ -137,9 +138,10 @@ def test_a_mark_of_another_running_run_does_not_count(killed):
 
 
 def test_a_half_written_mark_counts_once(tmp_path):
-    (tmp_path / "k.begun").write_text('{"tim')
+    (tmp_path / "begun").mkdir()
+    (tmp_path / "begun" / "k.begun").write_text('{"tim')
 
-    assert Attempt(tmp_path, "k").ended == 1
+    assert Attempt(Folder(tmp_path), "k").ended == 1
 
 
 # Inputs that fail, or are not what they were
@@ -203,7 +205,7 @@ def ended(study_of, tmp_path, monkeypatch):
         executor = Executor(study_of(), Results(tmp_path / "r"), Progress())
         executor.results.create()
         known = {cell.method.level: executor.keys.identify(cell).spelled for cell in cells}
-        (tmp_path / "r" / "begun").mkdir()
+        (tmp_path / "r" / "begun").mkdir(exist_ok=True)
         for level, n in times.items():
             mark = {"times": n, "host": socket.gethostname(), "pid": DEAD}
             (tmp_path / "r" / "begun" / f"{known[level]}.begun").write_text(json.dumps(mark))

@@ -204,8 +204,7 @@ def full(monkeypatch, ending: str) -> None:
         def __exit__(self, *error: object) -> object:
             return self.context.__exit__(*error)
 
-    for module in ("run.cell_files", "run.folder", "envmap.formats.exr"):
-        monkeypatch.setattr(f"glossbench.{module}.replacing", Full)
+    monkeypatch.setattr("glossbench.run.folder.replacing", Full)
 
 
 @pytest.mark.parametrize(

@@ -292,7 +292,7 @@ def test_results_lie_below_results_wherever_the_study_lies(call):
     code, out, _ = call("run", str(folder / "my.study.yaml"), "--dry-run")
 
     assert code == 0
-    assert out.endswith("2 cells would go to results/my.study: 2 new\n")
+    assert out.splitlines()[-2] == "2 cells would go to results/my.study: 2 new"
 
 
 def test_a_plugin_that_imports_itself_and_prints_is_welcome(call):

@@ -15,7 +15,7 @@ from glossbench.envmap.formats.chromaticities import convert_to_rec709
 from glossbench.envmap.formats.exr_layers import Layer, choose_layer
 from glossbench.envmap.formats.image_content import Covering, ImageContent
 from glossbench.envmap.formats.refusals import check_fits, check_size, make_damage_error, take_last_error
-from glossbench.errors import InputError, WriteError
+from glossbench.errors import InputError
 
 KIND = "an OpenEXR image"
 _BLOCK = 2**26  # bytes of pixels read at a time
@@ -83,9 +83,23 @@ def write_exr(
     """
     path = Path(path)
     check_exr_name(path)
+    try:
+        coded = encode_exr(image, channels, covers)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    with replacing(path) as part:
+        part.write_bytes(coded)
+
+
+def encode_exr(image: Tensor, channels: Sequence[str] = ("R", "G", "B"), covers: Covering | None = None) -> bytes:
+    """The bytes of the file that `write_exr` writes.
+
+    Raises:
+        InputError: the shape does not fit the channels, or the library refuses the image.
+    """
     if image.dim() != 3 or image.shape[2] != len(set(channels)) or not image.numel():
         shape = tuple(image.shape)
-        raise InputError(f"{path}: channels {tuple(channels)} need an image (H, W, {len(channels)}), got {shape}")
+        raise InputError(f"channels {tuple(channels)} need an image (H, W, {len(channels)}), got {shape}")
     planes = image.detach().cpu().float().numpy()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     if covers is not None:
@@ -93,13 +107,12 @@ def write_exr(
         if (covers.projection, covers.axes) == _ENVMAP["LatLong Environment"]:
             header["envmap"] = OpenEXR.ENVMAP_LATLONG
     content = {name: np.ascontiguousarray(planes[..., i]) for i, name in enumerate(channels)}
-    coded = io.BytesIO()  # encoded in memory first: the file is written in one step, and a full disk raises an error
+    coded = io.BytesIO()  # encoded in memory: the file is then written in one step, and a full disk raises an error
     try:
         OpenEXR.File(header, content).write(coded)
     except RuntimeError as error:
-        raise WriteError(path, " ".join(str(error).split())) from None
-    with replacing(path) as part:
-        part.write_bytes(coded.getbuffer())
+        raise InputError(" ".join(str(error).split())) from None
+    return coded.getvalue()
 
 
 def check_exr_name(path: Path) -> None:

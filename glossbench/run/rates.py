@@ -1,0 +1,169 @@
+"""What a run will cost in time, memory and disk, from what earlier runs of this user measured.
+
+A time is a + b * work, with a and b not negative. The work of a cell is its pixels times the budget of its method,
+that of a reference its pixels. Bytes on disk and in memory are a + b * pixels. a and b are those with the least
+relative squares over the last measurements.
+"""
+
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+from glossbench.atomic import replacing
+from glossbench.catalog.folders import cache_folder
+from glossbench.errors import InputError
+from glossbench.scene.points import View
+from glossbench.shading.method import find_budget_option
+from glossbench.strict_json import seal, unseal
+from glossbench.study.cells import Cell, to_text
+from glossbench.study.schema import ReferenceOptions
+
+KEPT = 24  # measurements of one kind
+
+
+class Spent(NamedTuple):
+    """One measurement: of a cell by the name of its method, of a reference, or of the memory of a run."""
+
+    kind: str
+    work: float
+    pixels: int
+    seconds: float
+    n_bytes: int
+
+
+def count_pixels(view: View) -> int:
+    """The pixels of a view."""
+    stated = (getattr(view, option, None) for option in ("resolution", "width"))
+    sizes = [size for size in stated if isinstance(size, int) and size > 0] or [128]
+    return sizes[0] * sizes[-1]
+
+
+def measure_cell(cell: Cell, seconds: float, n_bytes: int) -> Spent:
+    """What a cell took."""
+    return Spent(f"method {cell.method.name}", _work(cell), count_pixels(cell.view), seconds, n_bytes)
+
+
+def measure_reference(cell: Cell, options: ReferenceOptions, seconds: float, n_bytes: int) -> Spent:
+    """What a reference took."""
+    pixels = count_pixels(cell.view)
+    return Spent(_name_reference(cell, options), pixels, pixels, seconds, n_bytes)
+
+
+def measure_memory(cells: Iterable[Cell]) -> Spent:
+    """The most memory that this process has taken, by the largest view of its cells."""
+    pixels = max(count_pixels(cell.view) for cell in cells)
+    return Spent("memory", pixels, pixels, 0.0, _read_peak())
+
+
+def remember(spent: Sequence[Spent]) -> None:
+    """Keep measurements in the user's cache folder, the newest of each kind."""
+    if not spent:
+        return
+    known = _read()
+    for each in spent:
+        known[each.kind] = [*known[each.kind], list(each[1:])][-KEPT:]
+    with suppress(OSError, InputError):  # a prediction is not worth an error
+        _file().parent.mkdir(parents=True, exist_ok=True)
+        with replacing(_file()) as part:
+            part.write_text(seal({"rates": known}))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The cost of cells.
+
+    Attributes:
+        seconds: on one process.
+        disk: bytes.
+        memory: peak of one process [bytes]; None if none was measured.
+        n_unknown: cells and references of which nothing alike was measured; others stand for them.
+    """
+
+    seconds: float
+    disk: float
+    memory: float | None
+    n_unknown: int
+
+
+def predict(cells: Sequence[Cell], options: ReferenceOptions) -> Prediction:
+    """What these cells and their references will cost."""
+    known = _read()
+    wanted = [(f"method {cell.method.name}", _work(cell), count_pixels(cell.view)) for cell in cells]
+    references = {tuple(map(to_text, (cell.light, cell.material, cell.view))): cell for cell in cells}
+    of_views = ((cell, count_pixels(cell.view)) for cell in references.values())
+    wanted += [(_name_reference(cell, options), pixels, pixels) for cell, pixels in of_views]
+    seconds = disk = 0.0
+    n_unknown = 0
+    for kind, work, pixels in wanted:
+        alike = known.get(kind)
+        if alike is None:
+            n_unknown += 1
+            first = kind.partition(" ")[0]
+            alike = [each for other, found in known.items() if other.startswith(f"{first} ") for each in found]
+        seconds += _fit([(w, s) for w, _, s, _ in alike], work)
+        disk += _fit([(p, n) for _, p, _, n in alike], pixels)
+    return Prediction(seconds, disk, predict_memory(cells), n_unknown)
+
+
+def predict_memory(cells: Sequence[Cell]) -> float | None:
+    """The most memory that one process will take [bytes]; None if none was measured."""
+    known = _read().get("memory")
+    largest = max((count_pixels(cell.view) for cell in cells), default=0)
+    return _fit([(p, n) for _, p, _, n in known], largest) if known and largest else None
+
+
+def check_fits(cells: Sequence[Cell], n_processes: int, bound: int) -> None:
+    """InputError if so many processes are predicted to take more memory than the bound [bytes]."""
+    peak = predict_memory(cells)
+    if peak is not None and n_processes * peak > bound:
+        raise InputError(
+            f"this run needs about {n_processes * peak / 1e9:.1f} GB of memory for {n_processes} "
+            f"process{'es' if n_processes > 1 else ''}, and the study allows {bound / 1e9:.1f} GB (memory)"
+        )
+
+
+def _work(cell: Cell) -> float:
+    budget = getattr(cell.method, find_budget_option(type(cell.method)) or "no budget", 1)
+    return float(count_pixels(cell.view) * (budget if isinstance(budget, int | float) and budget > 1 else 1))
+
+
+def _name_reference(cell: Cell, options: ReferenceOptions) -> str:
+    return f"reference {cell.material.name} {options.method} {options.relative_error:g}"
+
+
+def _fit(measured: Sequence[tuple[float, float]], work: float) -> float:
+    """a + b * work, of least relative squares; 0 without a measurement."""
+    found = np.array([(w, value) for w, value in measured if value > 0], float)
+    if not len(found):
+        return 0.0
+    w, value = found.T
+    scale = w.max()
+    (a, b), _ = scipy.optimize.nnls(np.stack([1 / value, w / scale / value], axis=1), np.ones(len(value)))
+    return float(a + b * work / scale)
+
+
+def _read() -> dict[str, list[list[float]]]:
+    found: dict[str, list[list[float]]] = defaultdict(list)
+    with suppress(OSError, ValueError, KeyError, AttributeError):
+        stated: Mapping[str, Any] = unseal(_file().read_bytes())["rates"]
+        found |= {kind: [list(map(float, each)) for each in rows] for kind, rows in stated.items()}
+    return found
+
+
+def _file() -> Any:
+    return cache_folder() / "rates.json"
+
+
+def _read_peak() -> int:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak

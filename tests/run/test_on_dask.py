@@ -1,0 +1,190 @@
+"""Runs on Dask: the bytes of a serial run, whatever happens to the processes, and nothing that is left running."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from glossbench.errors import InputError
+from glossbench.run.results import Results
+from glossbench.run.runner import Progress, run_study
+from glossbench.study.study import load_study
+from oracles.flat_studies import remains
+
+pytest.importorskip("distributed", reason="pip install 'glossbench[distributed]'")
+
+PLUGIN = """
+import os, signal, time
+from pathlib import Path
+from glossbench.shading.method import METHODS, Method, stage
+import torch
+
+def first_time(name):
+    try:
+        (Path(__file__).parent / name).touch(exist_ok=False)
+        return "FAULTS" in os.environ
+    except FileExistsError:
+        return False
+
+@METHODS.register("faulty")
+class Faulty(Method):
+    samples: int = 1
+    seed: int = 0
+
+    def supports(self, material, scene):
+        return "nine" if self.samples == 9 else None
+
+    @stage
+    def mean_light(self, light):
+        return light.faces.mean((0, 1, 2))
+
+    def shade(self, points, material, mean_light):
+        time.sleep(float(os.environ.get("SLOW", 0)))
+        if self.samples == 2 and first_time("killed"):
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self.samples == 3:
+            raise RuntimeError("planted")
+        if self.samples == 4 and first_time("worker_killed"):
+            os.kill(os.getppid(), signal.SIGKILL)
+            time.sleep(60)
+        return mean_light.expand(len(points), 3) * self.samples
+"""
+HANGS = """
+        if self.samples == 5:
+            while True:
+                try:
+                    time.sleep(60)
+                except TimeoutError:
+                    pass
+"""
+STUDY = """
+title: T
+light: {gradient: {resolution: 16}}
+material: [{ggx: {alpha: 0.5}}, {kurt: {m: 0.3}}]
+view: {sphere: {resolution: 8}}
+methods:
+  - faulty: {samples: [9, 1, 2, 3, 4, 5]}
+  - regular_sampling: {samples: 4}
+reference: {relative_error: 0.05}
+time_limit: 30
+plugins: [dask_test_plugin]
+"""
+RUN = """
+import sys
+from glossbench.run.runner import run_study
+from glossbench.study.study import load_study
+if __name__ == "__main__":
+    run_study(load_study(sys.argv[1]), sys.argv[2], dask=sys.argv[3] if len(sys.argv) > 3 else None)
+"""
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    """A study of a method in a file beside it."""
+    monkeypatch.delitem(sys.modules, "dask_test_plugin", raising=False)
+    (tmp_path / "dask_test_plugin.py").write_text(PLUGIN)
+    (tmp_path / "s.yaml").write_text(STUDY)
+    return load_study(tmp_path / "s.yaml")
+
+
+def processes_of_runs() -> set[int]:
+    """Processes that compute cells."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = path.read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if b"glossbench.run.cell_process" in words:
+            found.add(int(path.parent.name))
+    return found
+
+
+def test_processes_that_are_killed_leave_the_bytes_of_a_serial_run(study, tmp_path, monkeypatch):
+    before = processes_of_runs()
+    # In a process of its own, because tests change what a traceback shows.
+    subprocess.run([sys.executable, "-c", RUN, tmp_path / "s.yaml", tmp_path / "serial"], check=True)
+    expected = remains(tmp_path / "serial")
+    for name in ("killed", "worker_killed"):
+        (tmp_path / name).unlink(missing_ok=True)
+    monkeypatch.setenv("FAULTS", "1")
+    seen, told = [], []
+
+    results = run_study(
+        study, tmp_path / "dask", dask="local:2", progress=Progress(cell=seen.append, doing=told.append)
+    )
+
+    assert (tmp_path / "killed").exists()
+    assert (tmp_path / "worker_killed").exists()
+    assert remains(results.folder) == expected
+    assert sorted(results.cells["status"]) == ["done"] * 10 + ["failed"] * 2 + ["skipped"] * 2
+    assert sorted(row["key"] for row in seen) == sorted(results.cells["key"])
+    assert any(" | 1: " in text for text in told)
+    assert not (results.folder / "begun").exists()
+    assert processes_of_runs() <= before
+
+
+def test_a_cell_that_cannot_be_interrupted_fails_alone_and_an_interrupted_run_leaves_no_process(tmp_path, monkeypatch):
+    before = processes_of_runs()
+    before_planted = "        if self.samples == 3"
+    (tmp_path / "dask_test_plugin.py").write_text(PLUGIN.replace(before_planted, HANGS[1:] + before_planted))
+    (tmp_path / "s.yaml").write_text(STUDY.replace("time_limit: 30", "time_limit: 2"))
+    folder = tmp_path / "r"
+
+    def started(**variables):
+        return subprocess.Popen(
+            [sys.executable, "-c", RUN, tmp_path / "s.yaml", folder, "local:2"], env=os.environ | variables,
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    process = started(SLOW="0.5")
+    while not list(folder.glob("cells/*.json")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    assert "KeyboardInterrupt" in process.communicate(timeout=60)[1]
+    assert processes_of_runs() <= before
+    assert not list(folder.glob("begun/*"))
+    kept = {path: path.read_bytes() for path in folder.glob("cells/*.json")}
+
+    ended = started()
+
+    assert ended.communicate(timeout=300)[1].count("could not be interrupted") == 2
+    assert ended.returncode == 0
+    rows = [json.loads(path.read_text()) for path in folder.glob("cells/*.json")]
+    hung = [row for row in rows if "took more than the time limit of 2 s" in row["reason"]]
+    assert [json.loads(row["options"])["samples"] for row in hung] == [5, 5]
+    assert len(rows) == 14
+    assert all(path.read_bytes() == content for path, content in kept.items())
+    assert processes_of_runs() <= before
+
+
+@pytest.mark.parametrize(
+    ("dask", "words"),
+    [
+        ("local:0", r"local:N needs a number of processes from 1 to 1024, got 'local:0'"),
+        ("cluster", r"must be local:N, or an address such as tcp://host:8786, got 'cluster'"),
+    ],
+)
+def test_an_address_that_is_none_is_one_line_and_nothing_is_written(study, tmp_path, dask, words):
+    with pytest.raises(InputError, match=words):
+        run_study(study, tmp_path / "r", dask=dask)
+
+    assert not (tmp_path / "r").exists()
+
+
+def test_memory_is_no_store_for_several_processes(study):
+    with pytest.raises(InputError, match="the memory of one process is not a store"):
+        run_study(study, "memory://x", dask="local:2")
+
+
+def test_results_of_nothing_new_start_no_worker(study, tmp_path, monkeypatch):
+    run_study(study, tmp_path / "r")
+    monkeypatch.setattr("glossbench.run.runner.run_on_dask", lambda *_: 1 / 0)
+
+    assert len(run_study(study, tmp_path / "r", dask="local:2").cells) == len(Results(tmp_path / "r").cells)
