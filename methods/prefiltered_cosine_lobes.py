@@ -73,7 +73,7 @@ class PrefilteredCosineLobes(Method):
         'L_o approx "albedo"(cos theta_o) thin P(r, p), quad '
         "P(R, p) = (sum_i w_i thin (R dot omega_i)^p L(omega_i)) / (sum_i w_i thin (R dot omega_i)^p)"
     )
-    contract = Contract(furnace=2e-2, linear=False)
+    contract = Contract(furnace=1e-3, linear=False)
 
     mip_filter = "box"
     pyramid = pyramid

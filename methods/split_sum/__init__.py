@@ -124,9 +124,9 @@ class SplitSum(Method):
         'quad P(R, alpha) = (integral L(omega) thin k(omega dot R) thin "d" omega) / '
         '(integral k(omega dot R) thin "d" omega)'
     )
-    # Measured: furnace 1.6e-2, of the table of an anisotropic lobe; a sum of lights is off by 2e-4, as the centroids of
+    # Measured: furnace 3e-4; a sum of lights is off by 2e-4, as the centroids of
     # the texels of an exhaustive sum depend on the light.
-    contract = Contract(furnace=2e-2, linear=False)
+    contract = Contract(furnace=1e-3, linear=False)
 
     mip_filter = "box"
     pyramid = pyramid

@@ -19,6 +19,7 @@ from matplotlib import colormaps
 from glossbench.metrics.perceptual import FLIP
 from glossbench.reports import style
 from glossbench.reports.page import html, payload, scripts
+from glossbench.run.results import Results
 from oracles.discs import N, write_results
 
 BUDGETS = (4, 64)

@@ -98,8 +98,8 @@ def test_a_wrong_study_is_not_valid(validator, changes):
 
 
 def test_the_schema_is_small_enough_for_an_editor(stated):
-    # Measured 168 kB as it is printed.
-    assert len(json.dumps(stated, indent=1)) < 200_000
+    # Measured 216 kB as it is printed, of 18 methods.
+    assert len(json.dumps(stated, indent=1)) < 250_000
 
 
 def test_every_key_of_a_study_has_a_description(stated):
