@@ -120,11 +120,11 @@ def test_a_pixel_beside_the_surface_may_be_anything(study):
 
 
 def test_one_image_of_two_lights_is_refused(study):
-    path = study(rendered(), light="[constant, spots]")
+    path = study(rendered(), light="[constant, {gradient: {resolution: 16}}]")
 
     with pytest.raises(InputError, match="belongs to one light, material and view, but 2 cells show it"):
         run_study(load_study(path), Path("results"))
-    path.write_text(f"{path.read_text()}exclude: [{{light: spots, method: image}}]\n")
+    path.write_text(f"{path.read_text()}exclude: [{{light: gradient, method: image}}]\n")
     assert run_study(load_study(path), Path("results")).cells.status.tolist() == ["done"] * 3
 
 
