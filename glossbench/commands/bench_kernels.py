@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any, get_args
 
 import torch
@@ -62,6 +62,8 @@ def _seconds(work: Callable[[], Any]) -> float:
 
 def _variants(samples: int) -> Iterator[tuple[str, Method]]:
     for cls in map(METHODS.get, METHODS.names()):
+        if any(each.default is MISSING and each.default_factory is MISSING for each in fields(cls)):
+            continue  # it needs a file
         budget = {find_budget_option(cls): samples} if find_budget_option(cls) == "samples" else {}
         footprint = {each.name: each.type for each in fields(cls)}.get("footprint")
         for value in get_args(footprint) or (None,):

@@ -71,9 +71,8 @@ class CellFiles:
     def add_cell(self, row: dict[str, Any], image: Image | None, half_vectors: NDArray[np.float32] | None) -> int:
         """Write a cell; the bytes written. Its row comes last, because the row marks the cell as done."""
         key, files = row["key"], {}
-        if self.store.has(f"images/{key}.exr"):
-            for name in self.store.list(f"images/{key}_flip_"):
-                self.store.remove(name)  # a map of the image that is replaced now
+        for name in self.store.list(f"images/{key}_flip_"):
+            self.store.remove(name)  # a map of the image that is replaced now
         if image is not None:
             files[f"images/{key}.exr"] = encode_exr(image.radiance)
             for name, picture in image.pictures.items():

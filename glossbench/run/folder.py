@@ -51,6 +51,8 @@ class Folder:
                 if not os.access(folder, os.W_OK | os.X_OK):
                     raise PermissionError(0, "it is read-only; choose another folder with -o")
                 remove_abandoned(folder)
+            if self.path("begun").is_dir():
+                remove_abandoned(self.path("begun"))
         except UnicodeEncodeError:
             raise InputError(f"cannot write results to {str(self.root)!a}: the name is not UTF-8") from None
         except OSError as error:

@@ -201,11 +201,11 @@ def _keep_map(results: Results, name: str, shape: tuple[int, ...], make: Callabl
 def _read_stored(store: Store, name: str, shape: tuple[int, ...]) -> NDArray[np.uint16] | None:
     """The steps in a file of a map; None if there is no complete file of this shape."""
     try:
-        coded = BytesIO(store.get(name))
-        with ZipFile(coded) as file:  # a ZIP file has checksums
+        coded = store.get(name)
+        with ZipFile(BytesIO(coded)) as file:  # a ZIP file has checksums
             if sum(member.file_size for member in file.infolist()) > 2 * prod(shape) + 1000 or file.testzip():
                 return None
-        with np.load(coded, allow_pickle=False) as kept:
+        with np.load(BytesIO(coded), allow_pickle=False) as kept:
             steps: NDArray[np.uint16] = kept["steps"]
     except InputError:
         raise
