@@ -65,7 +65,7 @@ HANGS = """
 STUDY = """
 title: T
 light: {gradient: {resolution: 16}}
-material: [{ggx: {alpha: 0.5}}, {kurt: {m: 0.3}}]
+material: {ggx: {alpha: 0.5}}
 view: {sphere: {resolution: 8}}
 methods:
   - faulty: {samples: [9, 1, 2, 3, 4, 5]}
@@ -122,7 +122,7 @@ def test_processes_that_are_killed_leave_the_bytes_of_a_serial_run(study, tmp_pa
     assert (tmp_path / "killed").exists()
     assert (tmp_path / "worker_killed").exists()
     assert remains(results.folder) == expected
-    assert sorted(results.cells["status"]) == ["done"] * 10 + ["failed"] * 2 + ["skipped"] * 2
+    assert sorted(results.cells["status"]) == ["done"] * 5 + ["failed", "skipped"]
     assert sorted(row["key"] for row in seen) == sorted(results.cells["key"])
     assert any(" | 1: " in text for text in told)
     assert not (results.folder / "begun").exists()
@@ -154,12 +154,12 @@ def test_a_cell_that_cannot_be_interrupted_fails_alone_and_an_interrupted_run_le
 
     ended = started()
 
-    assert ended.communicate(timeout=300)[1].count("could not be interrupted") == 2
+    assert ended.communicate(timeout=300)[1].count("could not be interrupted") == 1
     assert ended.returncode == 0
     rows = [json.loads(path.read_text()) for path in folder.glob("cells/*.json")]
     hung = [row for row in rows if "took more than the time limit of 2 s" in row["reason"]]
-    assert [json.loads(row["options"])["samples"] for row in hung] == [5, 5]
-    assert len(rows) == 14
+    assert [json.loads(row["options"])["samples"] for row in hung] == [5]
+    assert len(rows) == 7
     assert all(path.read_bytes() == content for path, content in kept.items())
     assert processes_of_runs() <= before
 
