@@ -193,7 +193,7 @@ def _read_cost(row: Mapping[str, Any], cost: str) -> float:
 def _average(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:
     """The mean over lights of each point and, with at least three lights, its confidence interval by Student's t.
 
-    On a logarithmic axis the logarithms are averaged.
+    On a logarithmic axis the logarithms are averaged; an error of exactly 0 makes their mean 0, without an interval.
     """
     table = np.array(values, float)
     if is_log:
@@ -207,5 +207,6 @@ def _average(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, t
     mean = table.mean(axis=1)
     if n < 3:
         return back(mean), None
-    half = stdtrit(n - 1, 0.5 + CONFIDENCE / 2) * table.std(axis=1, ddof=1) / np.sqrt(n)
+    with np.errstate(invalid="ignore"):
+        half = stdtrit(n - 1, 0.5 + CONFIDENCE / 2) * table.std(axis=1, ddof=1) / np.sqrt(n)
     return back(mean), (back(mean - half), back(mean + half))

@@ -86,6 +86,12 @@ def test_the_band_over_lights_is_the_t_interval_of_the_mean_of_log_error():
     check_band(measure_lines(mean_of([0.5, 1, 2, 3]), "rms"))
 
 
+def test_an_error_of_zero_under_one_light_leaves_no_interval():
+    for found in measure_lines(mean_of([0, 1, 2, 3]), "rms"):
+        assert (found.errors == 0).all()
+        assert np.isnan(found.band).all()
+
+
 def test_the_check_of_bands_notices_a_normal_interval_and_a_mean_of_errors(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr("glossbench.reports.model.lines.stdtrit", lambda n, p: NormalDist().inv_cdf(p))
