@@ -61,6 +61,11 @@ def scale(v: Vec3, s: Tensor) -> Vec3:
     return Vec3(v.x * s, v.y * s, v.z * s)
 
 
+def lerp(a: Vec3, b: Vec3, share: Tensor | float) -> Vec3:
+    """(1 - share) a + share b"""
+    return Vec3(*(u + share * (v - u) for u, v in zip(a, b, strict=True)))
+
+
 def normalize(v: Vec3) -> Vec3:
     """v / |v|; a vector of length zero stays zero."""
     return scale(v, torch.rsqrt(dot(v, v).clamp(min=1e-30)))

@@ -21,6 +21,7 @@ from glossbench.prefilter import (
     diffuse_radiance,
     ggx_levels,
     irradiance,
+    lerp,
     level_of_alpha,
     lookup,
     normalize,
@@ -51,7 +52,7 @@ class BentNormal(Method):
         formula: whose formula.
 
     Source: Revie 2011; Filament, Unity HDRP and KHR_materials_anisotropy from their sources. Differs: the directional
-    albedo by a table, and each level of the light is the sum over all texels.
+    albedo by a table, and each level of the light is a sum over texels.
     """
 
     formula: Formula = "filament"
@@ -92,19 +93,14 @@ def bend(lobe: Lobe, wo: Vec3, formula: Formula) -> tuple[Vec3, Tensor]:
     if formula == "khronos":
         s = torch.sqrt((wide - narrow) / (1 - narrow).clamp(min=1e-6)).clamp(max=1)
         r = torch.sqrt(narrow)
-        bent = normalize(_lerp(across, n, (1 - s * (1 - r)) ** 4))
-        return normalize(_lerp(reflect(wo, bent), bent, narrow)), narrow
+        bent = normalize(lerp(across, n, (1 - s * (1 - r)) ** 4))
+        return normalize(lerp(reflect(wo, bent), bent, narrow)), narrow
     r = torch.sqrt(alpha)
     if formula == "filament":
-        bent = normalize(_lerp(n, across, eta * (5 * r).clamp(max=1)))
-        return normalize(_lerp(reflect(wo, bent), n, alpha * alpha)), alpha
-    bent = normalize(_lerp(n, across, eta * (1.5 * torch.sqrt(r)).clamp(max=1)))
+        bent = normalize(lerp(n, across, eta * (5 * r).clamp(max=1)))
+        return normalize(lerp(reflect(wo, bent), n, alpha * alpha)), alpha
+    bent = normalize(lerp(n, across, eta * (1.5 * torch.sqrt(r)).clamp(max=1)))
     smooth = 1 - alpha
     share = (torch.sqrt(smooth) + alpha) * (smooth * smooth + smooth * wo.z * wo.z).clamp(max=1)
     r = r * (1.2 - eta).clamp(max=1)
-    return normalize(_lerp(n, reflect(wo, bent), share)), r * r
-
-
-def _lerp(a: Vec3, b: Vec3, share: Tensor) -> Vec3:
-    """(1 - share) a + share b"""
-    return Vec3(*(u + share * (v - u) for u, v in zip(a, b, strict=True)))
+    return normalize(lerp(n, reflect(wo, bent), share)), r * r

@@ -24,6 +24,7 @@ from glossbench.prefilter import (
     ggx_levels,
     irradiance,
     kernel,
+    lerp,
     level_of_alpha,
     normalize,
     over_points,
@@ -55,7 +56,7 @@ class MajorAxis(Method):
         samples: N.
 
     Source: Cocco et al. 2024, and its authors' code (AnisotropyEditor). Differs: the directional albedo by a table, not
-    by a fit; each level of the light is the sum over all texels; rough levels have 16 texels along an edge or more.
+    by a fit; each level of the light is a sum over texels; rough levels have 16 texels along an edge or more.
     """
 
     samples: Annotated[int, Field(ge=2, le=256)] = 8
@@ -100,7 +101,7 @@ def _sum_lookups(points: ShadingPoints, ellipse: Ellipse, places: Tensor, levels
     """Sum over the lookups at places in [0, 1] along the arc."""
     wo = points.wo_local()
     first, last, width = find_arc(wo, ellipse, places.shape[1])
-    m = normalize(_mix(first, last, places))
+    m = normalize(lerp(first, last, places))
     d = to_world(reflect(wo, m), points.t, points.b, points.n)
     lod = level_of_alpha(levels, width).expand(d.shape)
     return weighted_radiance(levels, d, lod, (torch.ones_like(d.x),))
@@ -117,14 +118,14 @@ def find_arc(wo: Vec3, ellipse: Ellipse, n: int) -> tuple[Vec3, Vec3, Tensor]:
     root = torch.sqrt(q * q + wo.z * k)
     start = (0.5 + m_1.z * (q - root) / (2 * k)).clamp(min=0)
     end = (0.5 + m_1.z * (q + root) / (2 * k)).clamp(max=1)
-    first, last = normalize(_mix(m_0, m_1, start)), normalize(_mix(m_0, m_1, end))
+    first, last = normalize(lerp(m_0, m_1, start)), normalize(lerp(m_0, m_1, end))
     # Across the arc, moved along with its middle.
     moved = torch.where(start > 0, start, end - 1) * (t_min - t_max)
     across = [_find_normal(ellipse, t) for t in (t_min + moved, t_min - moved + pi)]
     w_min, w_max = (_measure_chord(reflect(wo, a), reflect(wo, b)) for a, b in (across, (first, last)))
     middle = normalize(Vec3(first.x + last.x, first.y + last.y, first.z + last.z))
     share = ((w_max - w_min) / w_max.clamp(min=1e-12)).clamp(min=0)
-    first, last = (normalize(_mix(middle, end, share)) for end in (first, last))
+    first, last = (normalize(lerp(middle, end, share)) for end in (first, last))
     return first, last, torch.maximum(w_min, 2.3 * w_max / n) / 2
 
 
@@ -150,11 +151,6 @@ def find_extremes(wo: Vec3, ellipse: Ellipse) -> tuple[Tensor, Tensor]:
 def _find_normal(ellipse: Ellipse, t: Tensor) -> Vec3:
     """The normal with the slope (r_x cos t, r_y sin t)."""
     return normalize(Vec3(-ellipse.x * torch.cos(t), -ellipse.y * torch.sin(t), torch.ones_like(t)))
-
-
-def _mix(a: Vec3, b: Vec3, share: Tensor) -> Vec3:
-    """(1 - share) a + share b"""
-    return Vec3(*(u + share * (v - u) for u, v in zip(a, b, strict=True)))
 
 
 def _measure_chord(a: Vec3, b: Vec3) -> Tensor:

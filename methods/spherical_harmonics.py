@@ -53,7 +53,7 @@ class SphericalHarmonics(Method):
     window: Window = "none"
 
     equation = 'L_o approx A(omega_o) sum_(l < "order") w_l A_l sum_m L_(l m) Y_(l m)(r)'
-    # Measured: furnace 2.5e-3, of the table of the albedo.
+    # Measured: furnace 2.5e-3, of bands above 0: the coefficients are sums over texels.
     contract = Contract(furnace=5e-3, budget=("order", (4, 8, 16, 32)))
 
     irradiance, albedos = irradiance, albedos

@@ -1,7 +1,7 @@
 """Filtered importance sampling, Krivanek and Colbert 2008: BRDF samples that read a filtered light."""
 
 from math import log2, pi
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import torch
 from pydantic import Field
@@ -10,7 +10,6 @@ from torch import Tensor
 from glossbench.prefilter import (
     METHODS,
     SEEDED,
-    Channels,
     Contract,
     CubeMap,
     Environment,
@@ -29,28 +28,25 @@ from glossbench.prefilter import (
     ShadingPoints,
     Vec3,
     View,
-    dot,
     filtered_samples,
     irradiance,
     kernel,
     luminance_distribution,
-    normalize,
     occluder_of,
     over_points,
     points_2d,
     project,
     pyramid,
-    scale,
     spherical,
     stage,
     to_world,
-    unhidden,
     visible_diffuse,
     weighted_radiance,
 )
 
+from .affine_footprint import make_steps, sum_affine
 from .stratum import mean_pdf
-from .visibility_harmonics import evaluate_visibility, fit_visibility, smooth
+from .visibility_harmonics import attenuate, fit_visibility, smooth
 
 LodBias = Literal[
     "plain", "unreal", "bevy", "three_r187", "hdrp", "filament", "filament_last_level", "babylon", "materialx", "godot",
@@ -226,10 +222,10 @@ class FilteredImportanceSampling(Method):
             elif self.footprint == "isotropic":
                 radiance += over_points(_sum_isotropic, points, n, lobe, samples, pyramid, level, hidden) / n
             else:
-                stepped = _make_steps(lobe, u)
+                stepped = make_steps(lobe, u)
                 places = torch.arange(1, 2 * self.probes, 2, device=points.device) / self.probes - 1
                 arguments = (lobe, samples, stepped, pyramid, level, places, hidden)
-                radiance += over_points(_sum_affine, points, n * self.probes, *arguments) / n
+                radiance += over_points(sum_affine, points, n * self.probes, *arguments) / n
         return radiance
 
     def _level(self, n: int, alpha: Tensor) -> Tensor:
@@ -251,7 +247,7 @@ def _sum_isotropic(
 ) -> Radiance:
     """Sum over samples of one lobe; level = log4(K / N) plus the bias."""
     wi, d, lod, weight = filtered_samples(points, lobe, samples, pyramid, level)
-    return weighted_radiance(pyramid, d, lod, _attenuate(weight, points, d, wi, hidden))
+    return weighted_radiance(pyramid, d, lod, attenuate(weight, points, d, wi, hidden))
 
 
 @kernel("stratum_kernel")
@@ -270,75 +266,4 @@ def _sum_strata(
     density = mean_pdf(lobe, wo, wi, pdf, n)
     d = to_world(wi, points.t, points.b, points.n)
     lod = level + 0.5 * (pyramid.log2_texels_per_sr(d) - torch.log2(density))
-    return weighted_radiance(pyramid, d, lod, _attenuate(weight, points, d, wi, hidden))
-
-
-def _attenuate(
-    weight: Channels, points: ShadingPoints, d: Vec3, wi: Vec3, hidden: Occluder | Tensor | None
-) -> Channels:
-    """The weights times the visibility: from one ray per sample, from the coefficients of each point, or 1."""
-    if isinstance(hidden, Tensor):
-        V = evaluate_visibility(hidden, d, wi.z)
-        return tuple(w * V for w in weight)
-    return unhidden(weight, points, d, hidden)
-
-
-class SteppedPoints(NamedTuple):
-    """Sample points moved by STEP along u1 and along u2, and the product of the signs of both steps, (1, N)."""
-
-    first: Any
-    second: Any
-    sign: Tensor
-
-
-STEP = 1e-3  # with float32, differences of directions then keep three to four digits
-
-
-def _make_steps(lobe: Lobe, u: Tensor) -> SteppedPoints:
-    """Steps towards the middle of the unit square, so that no point leaves it."""
-    signs = torch.where(u < 0.5, 1.0, -1.0)
-    first, second = u + STEP * signs * u.new_tensor([1, 0]), u + STEP * signs * u.new_tensor([0, 1])
-    return SteppedPoints(lobe.sample_points(first), lobe.sample_points(second), (signs[:, 0] * signs[:, 1])[None])
-
-
-@kernel("affine_footprint")
-def _sum_affine(
-    points: ShadingPoints,
-    lobe: Lobe,
-    samples: Any,
-    stepped: SteppedPoints,
-    pyramid: Environment,
-    level: Tensor,
-    places: Tensor,
-    hidden: Occluder | Tensor | None = None,
-) -> Radiance:
-    """Sum over samples of one lobe; `places` are those of the probes along the major axis, in half axes."""
-    wo = points.wo_local()
-    wi, _, weight = lobe.sample(wo, samples)
-    weight = _attenuate(weight, points, to_world(wi, points.t, points.b, points.n), wi, hidden)
-    side = torch.exp2(level) / STEP
-    a, b = (
-        scale(Vec3(end.x - wi.x, end.y - wi.y, end.z - wi.z), side)
-        for end in (lobe.sample(wo, stepped.first).wi, lobe.sample(wo, stepped.second).wi)
-    )
-    # The squares of the singular values of (a b) are the eigenvalues of its Gram matrix. The signs of the steps change
-    # the sign of ab.
-    aa, bb, ab = dot(a, a), dot(b, b), dot(a, b) * stepped.sign
-    mean, spread = (aa + bb) / 2, torch.sqrt(((aa - bb) / 2) ** 2 + ab * ab)
-    angle = 0.5 * torch.atan2(2 * ab, aa - bb)
-    cos, sin = torch.cos(angle), torch.sin(angle) * stepped.sign
-    axis = Vec3(cos * a.x + sin * b.x, cos * a.y + sin * b.y, cos * a.z + sin * b.z)
-    major2 = mean + spread
-    minor2 = torch.maximum((mean - spread).clamp(min=0), major2 / len(places) ** 2).clamp(min=1e-16)
-    # The probes span the part of the major axis that a texel as wide as the minor axis does not cover.
-    reach = 0.5 * (1 - torch.sqrt(minor2 / major2.clamp(min=1e-16))).clamp(min=0)
-    share = torch.exp(-2 * places * places)
-    share = share / share.sum()
-    total = torch.zeros_like(points.n.x).expand(-1, 3).clone()
-    for k in range(len(places)):
-        at = reach * places[k]
-        probe = normalize(Vec3(wi.x + at * axis.x, wi.y + at * axis.y, wi.z + at * axis.z))
-        d = to_world(probe, points.t, points.b, points.n)
-        lod = 0.5 * (pyramid.log2_texels_per_sr(d) + torch.log2(minor2))
-        total = total + weighted_radiance(pyramid, d, lod, tuple(w * share[k] for w in weight))
-    return total
+    return weighted_radiance(pyramid, d, lod, attenuate(weight, points, d, wi, hidden))

@@ -4,7 +4,7 @@ import scipy
 import torch
 from torch import Tensor
 
-from glossbench.prefilter import Occluder, ShadingPoints, Vec3, dot, over_points, sh_basis, unhidden
+from glossbench.prefilter import Channels, Occluder, ShadingPoints, Vec3, dot, over_points, sh_basis, unhidden
 
 # Eigenvalues below this fraction of the largest are treated as zero. Measured RMS over the mean, on a cloth and on a
 # torus knot under Grace, order 4. Diffuse, 16 directions: 1e-6 0.26 and 1.05 (small eigenvalues amplify noise), 1e-4
@@ -39,6 +39,14 @@ def evaluate_visibility(coefficients: Tensor, d: Vec3, cos_i: Tensor) -> Tensor:
     order = round(coefficients.shape[1] ** 0.5)
     fit = sum(coefficients[:, k, None] * y for k, y in enumerate(sh_basis(d, order)))
     return (fit / cos_i.clamp(min=1e-6)).clamp(0, 1)
+
+
+def attenuate(weight: Channels, points: ShadingPoints, d: Vec3, wi: Vec3, hidden: Occluder | Tensor | None) -> Channels:
+    """The weights times the visibility: from one ray per sample, from the coefficients of each point, or 1."""
+    if isinstance(hidden, Tensor):
+        V = evaluate_visibility(hidden, d, wi.z)
+        return tuple(w * V for w in weight)
+    return unhidden(weight, points, d, hidden)
 
 
 def smooth(values: Tensor, mask: Tensor, sigma: float) -> Tensor:

@@ -4,7 +4,7 @@ from math import sqrt
 
 from torch import Tensor
 
-from glossbench.prefilter import Vec3, normalize
+from glossbench.prefilter import Vec3, lerp, normalize
 
 from .settings import Direction
 
@@ -27,4 +27,4 @@ def lean(r: Vec3, n: Vec3, cos_o: Tensor, alpha: float, direction: Direction) ->
         f = a * (sqrt(a) + alpha)
     else:
         f = (sqrt(a) + alpha) * (a * a + a * cos_o * cos_o).clamp(max=1)
-    return normalize(Vec3(n.x + f * (r.x - n.x), n.y + f * (r.y - n.y), n.z + f * (r.z - n.z)))
+    return normalize(lerp(n, r, f))

@@ -10,7 +10,6 @@ from scipy.special import sph_harm_y
 
 import glossbench as gb
 from glossbench.directions import Vec3, points_2d, spherical
-from glossbench.methods import filtered_importance_sampling as filtered
 from glossbench.methods.filtered_importance_sampling import visibility_harmonics as harmonics
 from glossbench.methods.filtered_importance_sampling.visibility_harmonics import (
     evaluate_visibility,
@@ -249,7 +248,7 @@ def test_images_notice_coefficients_of_other_points(monkeypatch):
 
 def test_images_notice_a_cosine_that_counts_twice(monkeypatch):
     monkeypatch.setattr(
-        filtered, "evaluate_visibility", lambda c, d, cos_i: evaluate_visibility(c, d, torch.ones_like(cos_i))
+        harmonics, "evaluate_visibility", lambda c, d, cos_i: evaluate_visibility(c, d, torch.ones_like(cos_i))
     )
 
     assert error(**SH, visibility_samples=64) > 1.2 * 0.162
