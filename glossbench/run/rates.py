@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -156,7 +157,7 @@ def _read() -> dict[str, list[list[float]]]:
     return found
 
 
-def _file() -> Any:
+def _file() -> Path:
     return cache_folder() / "rates.json"
 
 
