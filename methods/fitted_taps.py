@@ -178,6 +178,5 @@ def _compute_ring(at: Floats, angle: float, deviation: float, n: int) -> Floats:
     """The mean of n Gaussians on a ring, exp(kappa (cos - 1)) over its integral, kappa = 1 / deviation^2."""
     azimuth, kappa = 2 * pi * np.arange(n) / n, deviation**-2
     axis = np.stack([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.full(n, np.cos(angle))])
-    chord2 = ((at[:, :, None] - axis) ** 2).sum(1)
     peak = kappa / (2 * pi * -np.expm1(-2 * kappa))
-    return peak * np.exp(-0.5 * kappa * chord2).mean(1)
+    return peak * np.exp(kappa * (at @ axis - 1)).mean(1)

@@ -265,7 +265,7 @@ def check_pure(method: Method, kept: StageCache) -> Measured:
 def check_supports(method: Method, kept: StageCache) -> Measured:
     """`supports` returns None or a reason for any material and scene, and the method can shade what it supports."""
     materials = [*make_registered_materials(), *FURNACE_MATERIALS, *GENERAL_MATERIALS, *HARD_MATERIALS]
-    reasons, n, light = [], 0, build_spots(3)
+    reasons, n, light = [], 0, Constant(resolution=8).cubemap()  # small, as there are many stages to make
     for scene in (UnitSphere(), UnknownScene()):
         for material in materials:
             reason = method.supports(material, scene)

@@ -8,7 +8,7 @@ from glossbench.truth.sampling import N_REPLICATES
 from oracles.texel_sums import VIEW, lights
 
 
-def reference(light, material, relative_error=2e-3, seed=0):
+def reference(light, material, relative_error=4e-3, seed=0):
     """Radiance and standard error (P, 3), by sampling."""
     truth = compute_reference(light, material, VIEW, relative_error, seed=seed, method="sampling")
     return truth.radiance[truth.mask].numpy(), truth.standard_error[truth.mask].numpy()
@@ -24,8 +24,12 @@ def check_z(radiance, standard_error, truth, n_tests=4):
     assert np.abs(z).max() < z_limit(z.size * n_tests)
 
 
-def check_sum(truth, material, relative_error=2e-3, n_tests=1):
-    """The reference of a material under the rough light is an exact sum over texels."""
-    radiance, standard_error = reference(lights()["rough"], material, relative_error)
+def check_sum(truth, material, bound=5e-4):
+    """The summed reference of a material under the rough light is an exact sum over texels: RMS difference / mean.
 
-    check_z(radiance, standard_error, truth, n_tests=n_tests)
+    Measured: 1e-5 to 3e-5 of Ward, Cook-Torrance, Phong and Kurt; 3e-4 of Ward's lobe by Duer, whose peak at grazing
+    views the exact sum misses. That samples agree with the sum is tested for all materials in tests/truth.
+    """
+    summed = compute_reference(lights()["rough"], material, VIEW, 3e-4, method="summation")
+
+    assert np.sqrt(((summed.radiance[summed.mask].numpy() - truth) ** 2).mean()) <= bound * truth.mean()

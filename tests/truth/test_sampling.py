@@ -49,7 +49,7 @@ def test_reference_is_the_exact_sum_over_texels(light, material):
 
     radiance, standard_error = reference(lights()[light], MATERIALS[material].material())
 
-    # The sum's own error, k = 8 against Gauss quadrature of order 12: 0.04 of a standard error at most.
+    # The sum's own error, k = 8 against Gauss quadrature of order 12: 0.02 of a standard error at most.
     check_z(radiance, standard_error, truth)
 
 

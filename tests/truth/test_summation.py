@@ -150,7 +150,7 @@ Z_CASES = [("rough", name) for name in MODELS.names() if name not in FROM_FILES]
 
 def check_against_sampling(light, material, n_tests, relative_error=TARGET):
     radiance, error = summed(light, material, relative_error=relative_error)
-    mean, standard_error = sampled(light, material, 3e-2)
+    mean, standard_error = sampled(light, material, 1e-2)
     # At a pixel whose light no sample met, the standard error of sampling is 0.
     both = np.sqrt(standard_error**2 + error**2)
     assert (np.abs(mean - radiance) / both).max() < z_limit(mean.size * n_tests)

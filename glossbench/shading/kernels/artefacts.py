@@ -120,6 +120,11 @@ def find(key: str, tensors: Sequence[Tensor]) -> Artefact | None:
     return None
 
 
+def names() -> frozenset[str]:
+    """The names of the kernels in the folder."""
+    return _list_names(*state())
+
+
 def state() -> tuple[Path, int]:
     """The folder, and the time of the last change of what is in it; what was read from it is valid until then."""
     place = folder()
@@ -136,6 +141,11 @@ def _list_facts(place: Path, changed: int) -> dict[str, list[Path]]:
     for path in sorted(place.glob("[!.]*.*.*.json")):
         found.setdefault(path.name.split(".")[-3], []).append(path)
     return found
+
+
+@lru_cache(maxsize=1)
+def _list_names(place: Path, changed: int) -> frozenset[str]:
+    return frozenset(path.name.rsplit(".", 3)[0] for paths in _list_facts(place, changed).values() for path in paths)
 
 
 def library_of(artefact: Artefact) -> Path:

@@ -39,7 +39,9 @@ def ready(kernel: Kernel, arguments: Sequence[Any], pairs: int) -> Callable[...,
         arguments: example of the arguments; the function takes them with other numbers of points.
         pairs: number of points times samples of all calls of the function.
     """
-    calls = _calls(kernel, arguments, pairs)
+    # A small call of a kernel that was never compiled is known to be eager without its key.
+    is_eager = _choose is _by_default and pairs <= EAGER_RATE and kernel.name not in artefacts.names()
+    calls = [] if is_eager else _calls(kernel, arguments, pairs)
     runs = [compiled(call) for call in calls] if calls and all([_choose(call) for call in calls]) else [None]
     is_compiled = None not in runs
     if _used is not None:
@@ -132,7 +134,11 @@ def pays(call: Call) -> bool:
     return seconds > 1 and seconds > compile_seconds() and has_compiler()  # no compilation takes less than a second
 
 
-_choose: Choose = lambda call: is_ready(call) or pays(call)  # noqa: E731
+def _by_default(call: Call) -> bool:
+    return is_ready(call) or pays(call)
+
+
+_choose: Choose = _by_default
 _used: dict[str, str] | None = None
 loaded: dict[str, list[tuple[Artefact | None, Run]]] = {}  # by key
 
