@@ -21,7 +21,7 @@ LIGHTS = {"constant": Constant(radiance=(1.0, 2.0, 0.5), resolution=8), "spots":
 MATERIAL = Kurt(m=(0.4, 0.25), f0=(0.9, 0.5, 0.2), kd=(0.2, 0.4, 0.1))
 UNFILTERED = ["importance_sampling", "environment_sampling"]
 ALL = [*UNFILTERED, "filtered_importance_sampling", "regular_sampling"]
-N_SEEDS, SAMPLES = 24, 512
+N_SEEDS, SAMPLES = 24, 256
 CACHE = StageCache()
 
 

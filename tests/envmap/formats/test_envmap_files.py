@@ -47,9 +47,12 @@ def write_planes(path, planes):
 
 
 def accepted_cuts(path, data, reader):
-    """Lengths at which the file, cut short, is read without an error."""
+    """Lengths at which the file, cut short, is read without an error.
+
+    It is cut at each byte of its header and of its end, and at each seventh between.
+    """
     accepted = []
-    for n_bytes in range(len(data)):
+    for n_bytes in (n for n in range(len(data)) if n < 128 or n % 7 == 0 or n >= len(data) - 32):
         path.write_bytes(data[:n_bytes])
         try:
             reader(path)
@@ -579,7 +582,7 @@ def test_damaged_bytes_never_do_worse_than_an_input_error(tmp_path, coding):
     path = make_file(tmp_path / coding, coding)
     whole = np.frombuffer(path.read_bytes(), np.uint8)
 
-    for _ in range(150):
+    for _ in range(60):
         damaged = whole.copy()
         damaged[generator.integers(0, len(whole), 3)] = generator.integers(0, 256, 3)
         path.write_bytes(damaged.tobytes())
