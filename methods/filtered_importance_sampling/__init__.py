@@ -98,6 +98,8 @@ class FilteredImportanceSampling(Method):
             of the idea of Tokuyoshi, who solves it for the squares of a reflective shadow map.
         mip_bias: number of levels to add to l.
         mip_filter: filter of the pyramid.
+        clamp: limit of a texel's luminance before it is filtered, in means of the light, as engines cut suns; this
+            loses energy. The diffuse part keeps it.
         projection: projection of the light: the dual paraboloid of the paper, or a cube with seamless edges.
         footprint: shape of the filter: isotropic (section 4.2, eq. 12 and 13), or affine (reported at the end of that
             section).
@@ -129,6 +131,7 @@ class FilteredImportanceSampling(Method):
     kernel: Literal["point", "stratum"] = "point"
     mip_bias: Annotated[Finite, Field(ge=-4, le=4)] = 0.0
     mip_filter: MipFilter = "box"
+    clamp: Annotated[float, Field(gt=0)] | None = None
     projection: Literal["cube", "dual_paraboloid"] = "cube"
     footprint: Literal["isotropic", "affine"] = "isotropic"
     probes: Annotated[int, Field(ge=1, le=32)] = 8

@@ -384,3 +384,25 @@ def test_constant_light_returns_the_albedo_of_the_same_samples(projection):
 
     expected = 2 * material.albedo(view.points().wo_local(), n_samples=64)
     torch.testing.assert_close(image.radiance[image.mask].double(), expected, rtol=1e-5, atol=0)
+
+
+def test_a_limit_darkens_what_is_brighter_and_nothing_else():
+    light = Spots(seed=7, resolution=16).cubemap()
+    weights = torch.tensor([0.2126, 0.7152, 0.0722])
+    limit = 3 * float(light.mean() @ weights.double())
+    faces, luminance = light.faces.clone(), light.faces @ weights
+    bright = luminance > limit
+    faces[bright] *= (limit / luminance[bright])[:, None]
+
+    cut = FilteredImportanceSampling.pyramid.function(FilteredImportanceSampling(clamp=3.0), light)
+
+    assert 0 < bright.double().mean() < 0.2
+    torch.testing.assert_close(cut.texels, build_pyramid(CubeMap(faces), "box").texels, rtol=1e-6, atol=0)
+
+
+def test_a_limit_leaves_black_light_black():
+    black = CubeMap(torch.zeros(6, 4, 4, 3))
+
+    cut = FilteredImportanceSampling.pyramid.function(FilteredImportanceSampling(clamp=3.0), black)
+
+    assert (cut.texels == 0).all()
