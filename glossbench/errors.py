@@ -24,11 +24,14 @@ class WriteError(InputError):
 def suggest_nearest(name: str, known: Iterable[str]) -> str:
     """A hint for an unknown name: "; did you mean 'kurt'?", or all valid names if none is similar."""
     names = sorted(known)
-    by_lower = {known_name.lower(): known_name for known_name in names}
+    return find_nearest(name, names) or (f"; known: {', '.join(names)}" if names else "")
+
+
+def find_nearest(name: str, known: Iterable[str]) -> str:
+    """A hint for an unknown name: "; did you mean 'kurt'?", or nothing if none is similar."""
+    by_lower = {known_name.lower(): known_name for known_name in known}
     close = get_close_matches(str(name).lower(), by_lower, n=1, cutoff=0.5)
-    if close:
-        return f"; did you mean {by_lower[close[0]]!r}?"
-    return f"; known: {', '.join(names)}" if names else ""
+    return f"; did you mean {by_lower[close[0]]!r}?" if close else ""
 
 
 def describe_wrong_value(value: object) -> str:

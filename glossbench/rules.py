@@ -4,6 +4,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from glossbench.errors import find_nearest
+
 _WORDS = (
     (r"^Value error, |^Input ", ""),
     (r"\b(List|Tuple|Dictionary) should have", "must have"),
@@ -24,7 +26,10 @@ def state_rule(error: Mapping[str, Any]) -> str:
     got = " ".join(repr(error["input"]).split())  # one line: the text of an array has several
     if isinstance(error["input"], dict) and len(got) > LONGEST:
         got = ""
-    return f"{rule}, got {got}" if got else rule
+    rule = f"{rule}, got {got}" if got else rule
+    if error["type"] == "literal_error" and isinstance(error["input"], str):
+        rule += find_nearest(error["input"], re.findall(r"'([^']*)'", error["ctx"]["expected"]))
+    return rule
 
 
 def suggest_instead(rule: str, value: Any) -> str:

@@ -93,7 +93,8 @@ REFUSED = [
     ("m", "0.1", "lamp.m must be a list, got '0.1'"),
     ("m", True, "lamp.m must be a list, got True"),
     ("tint", [1, -1, 1], "lamp.tint[1] must be greater than or equal to 0, got -1"),
-    ("shape", "disk", "lamp.shape must be 'disc' or 'square', got 'disk'"),
+    ("shape", "disk", "lamp.shape must be 'disc' or 'square', got 'disk'; did you mean 'disc'?"),
+    ("shape", "round", "lamp.shape must be 'disc' or 'square', got 'round'"),
     ("on", 1, "lamp.on must be a valid boolean, got 1"),
     ("on", "yes", "lamp.on must be a valid boolean, got 'yes'"),
 ]

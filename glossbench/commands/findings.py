@@ -38,7 +38,7 @@ def findings(
     for each in opened:
         cells = each.cells
         verdicts = judge(read_claims(each.study), cells)  # by the rules of this version
-        summary = Summary(each.folder.resolve().name, each.study, verdicts, each.provenance, cells)
+        summary = Summary(each.folder.resolve().name, each.study, verdicts, each.provenance, cells, each.columns)
         summary.write(kept / summary.name)
     folders = sorted(path.parent for path in kept.glob("*/claims.json"))
     if not folders:

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from glossbench.columns import COLUMNS, CONDITIONS, parse_row
 from glossbench.commands.consoles import Console, escape_controls
+from glossbench.findings.times import BUSY
 from glossbench.study.labels import distinguish_rows, identify, name_items, with_options
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
     from glossbench.study.cells import Cell
 
-BUSY = 0.1  # share of the time that other work took; above it, times are at least a tenth too long
 out = Console()
 err = Console(stderr=True)
 PULSE = 30.0  # seconds between two lines
@@ -78,7 +78,7 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
     rows = [parse_row(row) for row in cells.to_dict("records")]
     names = {kind: name_items(kind, rows) for kind in CONDITIONS}
     kinds = [kind for kind in CONDITIONS if kind != "view" or len(names[kind]) > 1]
-    methods = _name_methods(rows)
+    methods = name_methods(rows)
     table = Table(box=None, pad_edge=False)
     for heading in (*kinds, "method"):
         table.add_column(heading)
@@ -95,9 +95,7 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
             continue
         counts, costs = ([brief[name].format_brief(row[name]) for name in names] for names in (before, after))
         table.add_row(*named, *counts, *(_format_error(row, name) for name in metrics), *costs)
-    # Never cut numbers to fit a narrow window or a file.
-    needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
-    Console(width=max(needed, out.width)).print(table, soft_wrap=True)
+    print_whole(table)
     if len(rows) > MAX_ROWS:
         say(f"... and {len(rows) - MAX_ROWS} more of {len(rows)} rows: all are in the report and in cells.parquet")
     reasons = dict.fromkeys(
@@ -111,6 +109,12 @@ def print_table(cells: "pandas.DataFrame", metrics: list[str]) -> None:
         say(f"... and {len(reasons) - MAX_ROWS} more reasons: all are in the report")
     halves = {"±": "half of the 95 % interval"} if any("left_out" in row and row["left_out"] for row in rows) else {}
     print_words(halves | explain_table(rows, with_decided=False))
+
+
+def print_whole(table: Table) -> None:
+    """Print a table, also wider than the window: numbers are not cut to fit a narrow window or a file."""
+    needed = out.measure(table, options=out.options.update(max_width=1000)).maximum
+    Console(width=max(needed, out.width)).print(table, soft_wrap=True)
 
 
 def _format_error(row: dict[str, Any], metric: str) -> str:
@@ -130,7 +134,7 @@ def print_words(said: dict[str, str]) -> None:
         out.print(f"{word}: {text}", style="dim", soft_wrap=True)
 
 
-def _name_methods(rows: list[dict[str, Any]], over: str | None = None) -> list[str]:
+def name_methods(rows: list[dict[str, Any]], over: str | None = None) -> list[str]:
     """For each row, the method with the options that distinguish it, without those that `over` determines."""
     texts = (options for _, options in distinguish_rows(rows, over))
     return [with_options(row["method"], own) for row, own in zip(rows, texts, strict=True)]
@@ -143,7 +147,7 @@ def print_plan(cells: "Sequence[Cell]", statuses: "Sequence[str]") -> None:
     columns = [list(statuses)]
     kinds = [kind for kind in CONDITIONS if kind != "view" or len(names[kind]) > 1]
     columns += [[names[kind][identify(kind, row)] for row in rows] for kind in kinds]
-    columns += [_name_methods(rows, over="")]
+    columns += [name_methods(rows, over="")]
     widths = [max(map(len, column)) for column in columns]
     for line in zip(*columns, strict=True):
         say("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())

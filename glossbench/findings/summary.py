@@ -2,14 +2,16 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path, PurePath
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pandas
 
 from glossbench.atomic import replacing
 from glossbench.errors import InputError
+from glossbench.findings.columns import Column, columns_from_json, columns_to_json
+from glossbench.findings.matching import without_folders
 from glossbench.strict_json import dumps, loads
 from glossbench.study.document import dump, read_document
 
@@ -27,6 +29,7 @@ class Summary:
         claims: the verdicts.
         provenance: versions, machine, times.
         cells: one row for each cell.
+        columns: what the columns of the cells mean; summaries of older versions lack them.
     """
 
     name: str
@@ -34,6 +37,7 @@ class Summary:
     claims: list[dict[str, Any]]
     provenance: dict[str, Any]
     cells: pandas.DataFrame
+    columns: Mapping[str, Column] = field(default_factory=dict)
 
     @classmethod
     def read(cls, folder: Path) -> "Summary":
@@ -45,22 +49,26 @@ class Summary:
         missing = [name for name in FILES if not (folder / name).is_file()]
         if missing:
             raise InputError(f"{folder} holds no summary: {missing[0]} is missing")
+        columns = folder / "columns.json"
         return cls(
             folder.name,
             read_document(folder / "study.yaml").data,
             loads((folder / "claims.json").read_bytes()),
             loads((folder / "provenance.json").read_bytes()),
             pandas.read_parquet(folder / "cells.parquet"),
+            columns_from_json(loads(columns.read_bytes())) if columns.is_file() else {},
         )
 
     def write(self, folder: Path) -> None:
         """Write the summary into a folder. Nothing in it names a folder of this machine."""
         folder.mkdir(parents=True, exist_ok=True)
         texts = {
-            "study.yaml": dump(_without_folders(self.study)),
+            "study.yaml": dump(without_folders(self.study)),
             "claims.json": dumps(self.claims, indent=1),
             "provenance.json": dumps({key: self.provenance[key] for key in KEPT if key in self.provenance}, indent=1),
         }
+        if self.columns:
+            texts["columns.json"] = dumps(columns_to_json(self.columns), indent=1)
         for name, text in texts.items():
             with replacing(folder / name) as part:
                 part.write_text(text + "\n" if not text.endswith("\n") else text, encoding="utf-8")
@@ -74,14 +82,5 @@ def _shorten(value: Any) -> Any:
     if not isinstance(value, str):
         return value
     if value.startswith(("{", "[")):
-        return json.dumps(_without_folders(json.loads(value)), sort_keys=True)
+        return json.dumps(without_folders(json.loads(value)), sort_keys=True)
     return value.strip().splitlines()[-1] if value.startswith("Traceback") else value
-
-
-def _without_folders(value: Any, key: str = "") -> Any:
-    """JSON data in which each option `file` is the file's name without its folder."""
-    if isinstance(value, Mapping):
-        return {name: _without_folders(each, name) for name, each in value.items()}
-    if isinstance(value, list):
-        return [_without_folders(each, key) for each in value]
-    return PurePath(value).name if key == "file" and isinstance(value, str) else value

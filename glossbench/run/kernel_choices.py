@@ -2,17 +2,23 @@
 
 A compiled kernel may differ from the eager one by the rounding of its last digits. So a resumed run makes the choices
 of the run that it resumes, and ends with the same bytes.
+
+Several processes of a run may choose at the same time, and each writes the whole file. So a choice that was not planned
+has a mark of its own besides, until the end of the run: it is not lost if another process writes the file without it.
 """
 
 from collections.abc import Callable, Sequence
 
 from glossbench.errors import InputError
+from glossbench.run.attempts import FOLDER
 from glossbench.run.store import Store
 from glossbench.shading.kernels.backend import COMPILED, EAGER, is_ready, pays
 from glossbench.shading.kernels.build import Call, build_all
 from glossbench.strict_json import dumps, loads
 
 NAME = "kernels.json"
+MARK = f"{FOLDER}/kernel_"
+Choices = dict[str, list[str]]  # by key of a kernel, its name and how it runs
 
 
 class KernelChoices:
@@ -26,7 +32,8 @@ class KernelChoices:
     def __init__(self, store: Store, again: bool = False) -> None:
         self._store = store
         if again:
-            store.remove(NAME)
+            for name in (NAME, *store.list(MARK)):
+                store.remove(name)
         self._choices = _read(store)
 
     def choose(self, call: Call) -> bool:
@@ -37,7 +44,9 @@ class KernelChoices:
         if call.key not in self._choices:
             self._choices = _read(self._store) | self._choices  # what other processes of this run chose
         if call.key not in self._choices:
-            self._set([(call, is_ready(call) if call.is_on_cpu else pays(call))])
+            chosen = _describe([(call, is_ready(call) if call.is_on_cpu else pays(call))])
+            self._store.put(f"{MARK}{call.key}.json", dumps(chosen).encode())
+            self._write(chosen)
         return self._choices[call.key][1] == COMPILED
 
     def plan(self, calls: Sequence[Call], doing: Callable[[str], None]) -> None:
@@ -59,17 +68,35 @@ class KernelChoices:
         if missing:
             doing(f"compiling kernels: {left} left")
             build_all(missing, tell)
-        self._set([(call, is_ready(call)) for call in new])
+        self._write(_describe([(call, is_ready(call)) for call in new]))
 
-    def _set(self, choices: Sequence[tuple[Call, bool]]) -> None:
-        self._choices |= {call.key: [call.kernel.name, COMPILED if ready else EAGER] for call, ready in choices}
+    def gather(self) -> None:
+        """Write the choices of all processes of the run into the file, at the end of the run."""
+        if marks := self._store.list(MARK):
+            self._write(_read(self._store))
+            for name in marks:
+                self._store.remove(name)
+
+    def _write(self, choices: Choices) -> None:
+        self._choices |= choices
         self._store.put(NAME, dumps(dict(sorted(self._choices.items())), indent=1).encode())
 
 
-def _read(store: Store) -> dict[str, list[str]]:
-    """The choices in a store; none if the file is missing or damaged."""
+def _describe(choices: Sequence[tuple[Call, bool]]) -> Choices:
+    return {call.key: [call.kernel.name, COMPILED if ready else EAGER] for call, ready in choices}
+
+
+def _read(store: Store) -> Choices:
+    """The choices in a store; none of a file that is missing or damaged."""
+    found: Choices = {}
+    for name in (NAME, *store.list(MARK)):
+        found |= _read_file(store, name)
+    return found
+
+
+def _read_file(store: Store, name: str) -> Choices:
     try:
-        read = loads(store.get(NAME))
+        read = loads(store.get(name))
         return {key: [str(name), str(how)] for key, (name, how) in read.items()}
     except InputError:
         raise

@@ -121,6 +121,7 @@ def run_study(
             for task in sorted(tasks, key=lambda task: task.known.ended):  # cells that ended the process come last
                 rows[task.place] = executor.run(task.cell, task.known, rerun_failed)
                 progress.cell(rows[task.place])
+        choices.gather()
         if dask is None and spent:
             spent.append(measure_memory(cells))
         remember(spent)

@@ -48,6 +48,7 @@ def _check_pair(bounds: Any) -> Any:
 
 Bounds = Annotated[tuple[Finite | None, Finite | None], AfterValidator(_check_order), BeforeValidator(_check_pair)]
 Name = Annotated[str, Field(min_length=1)]
+MARGIN = 0.01  # a ratio of two errors that differs less from 1 does not matter, even if it is real
 # A method, or {method: {option: value, ...}} for those of its cells that have these values. The same mapping may also
 # state a light, material or view, as in `where`: then only cells with that one are meant.
 Side = Annotated[str | dict[Name, Any], BeforeValidator(_check_one_method)]
@@ -92,7 +93,7 @@ class LowerClaim(_Claim):
     than: Side
     metric: Name
     paired_by: Names = []
-    margin: Annotated[float, Field(ge=0, lt=1)] = 0.01
+    margin: Annotated[float, Field(ge=0, lt=1)] = MARGIN
 
 
 class SlopeClaim(_Claim):

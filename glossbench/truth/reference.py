@@ -15,7 +15,7 @@ from torch import Tensor
 
 from glossbench.brdf.material import MAX_LOBES, Material
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.errors import InputError, MethodError, check_call
+from glossbench.errors import InputError, MethodError, check_call, find_nearest
 from glossbench.process.surroundings import settled
 from glossbench.scene.points import View, image_of
 from glossbench.shading.visibility import occluder_of
@@ -147,7 +147,9 @@ def compute_reference(
         n_lobes = len(reflectance.lobes)
         raise MethodError(f"{material.name}.reflectance must have at most {MAX_LOBES} lobes, got {n_lobes}")
     if method not in get_args(ReferenceMethod):
-        raise InputError(f"reference.method must be one of {', '.join(get_args(ReferenceMethod))}, got {method!r}")
+        names = get_args(ReferenceMethod)
+        near = find_nearest(method, names)
+        raise InputError(f"reference.method must be one of {', '.join(names)}, got {method!r}{near}")
     if method == "summation" and occluder is not None:
         raise InputError(
             f"reference.method summation needs a view that hides no light from its points, not {view.name}"

@@ -1,9 +1,10 @@
 """The picture that shows the answer: the methods side by side where they differ most, and crops where they err most."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas
 from pydantic import ValidationError
 
 from glossbench.findings.columns import Column
@@ -69,16 +70,16 @@ def _list_answers(group: Group, metric: str, keys: Collection[str] | None) -> li
     return found
 
 
-def list_claimed(results: Results) -> Iterator[Claimed]:
+def list_claimed(study: Mapping[str, Any], cells: pandas.DataFrame) -> Iterator[Claimed]:
     """The claims of a study, in its order, each with the keys of the cells that it is about."""
-    for claim in results.study.get("claims") or ():
+    for claim in study.get("claims") or ():
         kind = next((kind for kind in KINDS if kind in claim), None)
         try:
             known = KINDS[kind].model_validate(claim) if kind else None
         except ValidationError:  # it is from another version
             known = None
         if known is not None:
-            yield known.text, find_cells(known, results.cells)
+            yield known.text, find_cells(known, cells)
 
 
 def choose_best_cells(cells: Sequence[Cell], metric: Column) -> list[Cell]:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import pandas
+
 from glossbench.columns import parse_row
 from glossbench.findings.citations import Citation, collect_citations_of_sources
 from glossbench.findings.columns import Column, collect_columns, make_metric_column
@@ -35,6 +37,7 @@ class Report:
         claims: the verdicts.
         provenance: versions, hardware, times.
         remarks: sentences about incomplete results.
+        cells: the table of all cells, as the folder holds it.
         rows: the rows of all cells; JSON columns parsed, missing values None.
         metrics: the metrics of the study that the results have.
         measured: these metrics, and all others that the results have.
@@ -47,6 +50,7 @@ class Report:
     claims: Sequence[Mapping[str, Any]]
     provenance: Mapping[str, Any]
     remarks: Sequence[str]
+    cells: pandas.DataFrame
     rows: Sequence[dict[str, Any]]
     metrics: Sequence[str]
     measured: Sequence[str]
@@ -67,8 +71,8 @@ class Report:
         measured = list(dict.fromkeys([*metrics, *others]))
         columns |= {name: make_metric_column(name) for name in measured if name not in columns}
         return cls(
-            results, study, results.claims, results.provenance, results.remarks(cells), rows, metrics, measured,
-            columns, group_cells(rows, [columns[name] for name in measured]),
+            results, study, results.claims, results.provenance, results.remarks(cells), cells, rows, metrics,
+            measured, columns, group_cells(rows, [columns[name] for name in measured]),
         )  # fmt: skip
 
     @cached_property
@@ -128,7 +132,7 @@ class Report:
 
     def find_answer(self, metric: str) -> Answer | None:
         """The same for another metric."""
-        return find_answer(self.done, metric, list_claimed(self.results))
+        return find_answer(self.done, metric, list_claimed(self.study, self.cells))
 
     @cached_property
     def equal(self) -> list[EqualTables]:

@@ -23,17 +23,19 @@ from ..model.facts import list_provenance, without_image
 from ..model.notation import split_runs
 from ..model.report import Report
 from ..model.selection import MOST_PICTURES, choose_cells
-from ..model.spreadsheet import make_csv_link
+from ..model.spreadsheet import make_csv
 from ..model.tables import make_claim_table, make_equal_table, make_reference_table
 from ..raster import CLIPPED_SHARE, WHITE, svg_to_uri
 from ..typesetting import Press
+from .beside import link_csv, remove_others
 from .contact_sheet import make_pictures
-from .payload import build_payload, remove_others
+from .payload import build_payload
 from .plot_data import plot_data
 from .scripts import TEMPLATES, join_module, state_policy
 from .tiles import MANY_PATTERNS, make_pattern_tiles, make_state_tiles
 
 MOST_ROWS, FEWEST_ROWS = 1000, 5  # of a table, in total and for one light, material and view
+MOST_EQUAL_ROWS = 3000  # of all tables of equal time and error
 PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
 
 
@@ -47,6 +49,7 @@ def write_report(where: Path | str) -> Path | str:
         join_module(PAGE),
         join_module(["numbers.js", *sorted(path.name for path in TEMPLATES.glob("viewer*.js"))]),
     ]
+    csv, tables = link_csv(results, make_csv(_add_names(report.cells)))
     most = max(FEWEST_ROWS, MOST_ROWS // max(1, len(report.groups)))
     quantities = [*list_counts(report), *list_errors(report, report.measured), *list_costs(report)]
     page = (
@@ -65,6 +68,7 @@ def write_report(where: Path | str) -> Path | str:
             stages=make_stage_table(report, most),
             references=make_reference_table(report),
             most_rows=MOST_ROWS,
+            most_equal=max(FEWEST_ROWS, MOST_EQUAL_ROWS // max(1, len(report.equal))),
             missing=without_image(report),
             viewer=viewer,
             answer=_draw_answer(report),
@@ -73,7 +77,7 @@ def write_report(where: Path | str) -> Path | str:
             patterns=make_pattern_tiles(results, report.groups),
             n_patterns=MANY_PATTERNS,
             states=make_state_tiles(results, report.groups),
-            csv=make_csv_link(_add_names(results.cells)),
+            csv=csv,
             methods=_describe_methods(describe_methods(report.list_values("method"), report.descriptions)),
             installed_note=INSTALLED,
             white=WHITE,
@@ -81,7 +85,7 @@ def write_report(where: Path | str) -> Path | str:
         )
     )
     results.disk.write("report.html", page)
-    remove_others(results, viewer)
+    remove_others(results, viewer.files | tables)
     return results.store.locate("report.html")
 
 

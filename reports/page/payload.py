@@ -30,12 +30,12 @@ from glossbench.strict_json import dumps
 from .. import raster, style
 from ..model.conditions import Cell, Group, list_methods
 from ..model.errors import EPSILON, ERRORS, Floats, compute_error
+from .beside import FOLDER, write_script
 
-INLINE = 32_000_000  # largest size of all half floats, before deflation, that is stored in the page
+INLINE = 6_000_000  # largest size of all images, deflated, that are stored in the page [bytes]
 FLIP_SIZE, FLIP_PIXELS = 256, 2_600_000  # largest longer side of a map, and largest sum over the maps of all cells
 RANGE_SAMPLES = 1_000_000  # pixels of a group that determine the end of the error scale
 LARGEST_HALF = 65504.0
-FOLDER = "report_images"
 Planes = NDArray[np.float16]
 
 
@@ -62,13 +62,12 @@ def build_payload(results: Results, groups: Sequence[Group], metric: str | None 
     """
     shown = [group for group in groups if group.done]
     shapes = [results.mask(group.reference["reference_key"]).shape for group in shown]
-    n_bytes = sum(8 * h * w * (1 + len(group.done)) for group, (h, w) in zip(shown, shapes, strict=True))
     n_pixels = sum(h * w * len(group.done) for group, (h, w) in zip(shown, shapes, strict=True))
     longest = max((max(shape) for shape in shapes), default=1)
     reduction = max(ceil(longest / FLIP_SIZE), ceil(sqrt(n_pixels / FLIP_PIXELS)))
-    inline = n_bytes <= INLINE
-    blocks: dict[str, str] = {}
+    held: dict[str, bytes] = {}  # until they are too many for the page
     files: set[str] = set()
+    n_bytes = 0
     described = []
     hues = list_methods(shown)
     for group in shown:
@@ -77,27 +76,25 @@ def build_payload(results: Results, groups: Sequence[Group], metric: str | None 
         for entry, planes in _list_images(results, group, metric, reduction, ranges, hues):
             data = pack(planes)
             name = sha256(data).hexdigest()[:20]
-            if inline:
-                blocks[name] = b64encode(data).decode()
-            else:
-                files.add(_write_beside(results, name, data))
+            if name not in held and f"{name}.js" not in files:
+                held[name] = data
+                n_bytes += len(data)
+            if n_bytes > INLINE:
+                files |= {write_script(results, *each) for each in held.items()}
+                held.clear()
             entries.append(entry | {"data": name})
         described.append(_describe_group(results, group, entries, ranges))
     registry = {
         "groups": described,
-        "folder": None if inline else FOLDER,
+        "folder": FOLDER if files else None,
         "signed": _encode_colours(raster.SIGNED),
         "unsigned": _encode_colours(raster.UNSIGNED),
         "epsilon": EPSILON,
         "flipReduction": reduction,
         "errors": [{"mode": mode, "name": name, "formula": formula} for mode, (name, formula) in ERRORS.items()],
     }
+    blocks = {name: b64encode(data).decode() for name, data in held.items()}
     return Payload(htmlsafe_json_dumps(registry, dumps=dumps), blocks, frozenset(files))
-
-
-def remove_others(results: Results, payload: Payload) -> None:
-    """Remove image files of an older page that this program wrote; to be called after the new page is written."""
-    results.disk.keep_only(".js", FOLDER, payload.files)
 
 
 def pack(planes: Planes) -> bytes:
@@ -229,12 +226,3 @@ def _compute_flip(image: Floats, reference: Floats, mask: raster.Mask, n: int) -
 def _encode_colours(colours: Any) -> str:
     """The 255 colours of a colour map, as base64 of RGB bytes."""
     return b64encode(np.round(255 * colours(range(255))[:, :3]).astype(np.uint8).tobytes()).decode()
-
-
-def _write_beside(results: Results, name: str, data: bytes) -> str:
-    """Write an image as a script for the page. A file of this name is replaced: an unknown script would run."""
-    store, file = results.store, f"{name}.js"
-    script = f'glossbenchImage("{name}","{b64encode(data).decode()}")\n'.encode()
-    if not store.has(f"{FOLDER}/{file}") or store.get(f"{FOLDER}/{file}") != script:
-        store.put(f"{FOLDER}/{file}", script)
-    return file

@@ -19,7 +19,7 @@ from ..model.lines import COSTS
 from ..model.notation import split_runs
 from ..model.panels import Panels, select_shown
 from ..model.report import Report
-from ..model.selection import MOST_PICTURES, choose_cells, choose_middle_budgets
+from ..model.selection import MOST_PICTURES, choose_cells, choose_middle_budgets, pick_evenly
 from ..typesetting import Press
 from .images import PrintedGroup, choose_best_few
 from .plots import draw, select_comparable, split_facets
@@ -29,6 +29,7 @@ MOST_WITHOUT = 100  # cells without an image that are listed one by one
 MANY_CELLS = 60  # with more, the tables of all cells move to the appendix
 MOST_SWEPT = 12  # places of one sweep that are plotted
 MANY_PLACES = 4  # with more, plots of single places move to the appendix
+MOST_LATER = 16  # places in the appendix
 PLUG_IN = "defined by a plug-in"
 Titled = tuple[Figure, str]
 
@@ -102,8 +103,8 @@ def _arrange_plots(report: Report, press: Press) -> tuple[list[dict[str, Any]], 
     """(plots of the report, plots of the appendix).
 
     The study's first metric and costs over its first sweep, the metric over each swept parameter, and all figures of
-    the metric at each place. If there are many places, their plots move to the appendix; for a swept parameter only
-    those of the first place are shown.
+    the metric at each place. If there are many places, their plots move to the appendix, which shows some, evenly; for
+    a swept parameter only those of the first place are shown.
     """
     if not report.metrics:
         return [], []
@@ -120,7 +121,9 @@ def _arrange_plots(report: Report, press: Press) -> tuple[list[dict[str, Any]], 
     # One figure after the other: many at once need a GB.
     swept = (each for axis in (first, *parameters) for each in _plot_over_axis(report, axis))
     shown = chain(swept, _plot_at(report, places, of))
-    return _print_figures(shown, press), _print_figures(_plot_at(report, later), press)
+    few = pick_evenly(later, MOST_LATER)
+    of_later = f", one of {len(few)} of {len(later)} conditions; the page has all" if len(few) < len(later) else ""
+    return _print_figures(shown, press), _print_figures(_plot_at(report, few, of_later), press)
 
 
 def _plot_over_axis(report: Report, axis: Sweep) -> Iterator[Titled]:

@@ -17,11 +17,14 @@ from ..model.lines import CONFIDENCE, name_lines
 from ..model.panels import Axis, Line, Panel
 from ..model.selection import pick_evenly
 from ..style import COLOURS, DASHES, INK, MARKERS, PAPER, RC, format_number, format_tick, style
+from .legends import LAYOUT, ROW, SIZE, count_columns, count_lines, wrap_names
 
 MOST_FACETS = 4
 MOST_LINES = 40  # of a plot; the legend of more lines would fill the page
 WIDTH = 6.53  # width of the text on a page [inches]
-SMALL = {**RC, "font.size": 7.5, "lines.linewidth": 1.1, "lines.markersize": 4}
+NARROW = 0.6 * WIDTH
+FEW_LINES = 12  # in the legend of a single panel, which then has one column
+SMALL = {**RC, "font.size": SIZE, "lines.linewidth": 1.1, "lines.markersize": 4}
 FRONT: dict[str, Any] = {"color": INK, "lw": 0.8, "ls": (0, (3, 2))}
 
 
@@ -63,30 +66,36 @@ def draw(panels: Sequence[Panel]) -> Figure:
     lines = [every[index] for index in sorted(kept)]
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
     rows = ceil(len(panels) / columns)
+    is_curve = panels[0].is_curve
+    looks = [_choose_look(line, is_curve) for line in lines]
     title, names = name_lines([line.label for line in lines])
     names = [name + _format_slope(line) for name, line in zip(names, lines, strict=True)]
-    longest = max(map(len, names))
-    in_key = 1 if len(panels) == 1 or longest > 58 else 2 if longest > 32 else 3
+    handles: list[Artist] = [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)]
+    handles += _explain(panels, len(every) - len(kept))
+    names = [str(handle.get_label()) for handle in handles]
+    is_small = len(panels) == 1 and len(names) <= FEW_LINES
+    is_narrow = is_small and not is_curve and bool(count_columns([*names, title], NARROW))
+    width = NARROW if is_narrow else WIDTH
+    names = wrap_names(names, width)
+    in_key = 1 if is_small else count_columns(names, width)
+    for handle, name in zip(handles, names, strict=True):
+        handle.set_label(name)
     height = (
         (1.4 if rows > 1 and panels[0].part is None else 1.9) * rows
-        + 0.15 * (ceil((len(names) + 3) / in_key) + bool(title))
+        + ROW * (ceil(count_lines(names) / in_key) + bool(title))
         + 0.1
     )
     is_mixed = any(panel.y != panels[0].y for panel in panels)
-    is_curve = panels[0].is_curve
-    figure = Figure(figsize=(WIDTH if len(panels) > 1 or is_curve else 0.6 * WIDTH, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
     for i, panel in enumerate(panels):
         ax = figure.add_subplot(rows, columns, i + 1)
         _draw(ax, panel)
         ax.set_title(panel.y.label if is_mixed else panel.title, loc="left", size="medium")
         if i % columns == 0 and not is_mixed:
             ax.set_ylabel(panel.y.label)
-    looks = [_choose_look(line, is_curve) for line in lines]
-    handles: list[Artist] = [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)]
-    handles += _explain(panels, len(every) - len(kept))
     figure.legend(
         handles=handles, title=title, alignment="left", ncols=in_key, loc="outside lower left", frameon=False,
-        borderaxespad=0.1, handlelength=3.2, columnspacing=1.4, labelspacing=0.3,
+        borderaxespad=0.1, **LAYOUT,
     )  # fmt: skip
     return figure
 
@@ -94,7 +103,10 @@ def draw(panels: Sequence[Panel]) -> Figure:
 def _draw_rows(panel: Panel, left_out: int) -> Figure:
     """Dots in rows with names."""
     lines, x = panel.lines, panel.x
-    figure = Figure(figsize=(WIDTH, 0.75 + 0.2 * len(lines)), layout="constrained")
+    title, names = name_lines([line.label for line in lines])
+    names = wrap_names(names, WIDTH / 2)
+    height = 0.75 + 0.2 * len(lines) + ROW * (count_lines(names) - len(lines))
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
     ax = figure.add_subplot()
     for row, line in enumerate(lines):
         for seen, face in ((~line.is_hollow, None), (line.is_hollow, PAPER)):
@@ -104,7 +116,6 @@ def _draw_rows(panel: Panel, left_out: int) -> Figure:
         if line.interval is not None:
             ax.hlines(np.full(len(line.x), row), *line.interval, colors=line.label.colour, lw=0.8)
     ax.set_ylim(len(lines) - 0.4, -0.6)
-    title, names = name_lines([line.label for line in lines])
     more = f"{left_out} more lines are not drawn here" if left_out else ""
     ax.set_title("; ".join(text for text in (title, more) if text), loc="left", size="medium")
     ax.set_yticks(range(len(lines)), names)

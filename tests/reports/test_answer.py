@@ -1,6 +1,5 @@
 """What a first glance and a spreadsheet are given: the picture of the answer, the CSV of all cells."""
 
-import base64
 import io
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 from glossbench.findings.columns import make_metric_column
 from glossbench.reports.model.answer import find_answer
 from glossbench.reports.model.conditions import group_cells
-from glossbench.reports.model.spreadsheet import make_csv_link
+from glossbench.reports.model.spreadsheet import make_csv
 from glossbench.reports.style import polar
 from oracles.rows_by_hand import rows
 
@@ -88,9 +87,9 @@ def test_without_an_image_there_is_no_answer():
 
 
 def test_a_spreadsheet_reads_no_name_as_a_formula():
-    link = make_csv_link(pd.DataFrame({"method": ["=HYPERLINK()", "@x", "plain"], "mean_error": [-0.1, 1 / 3, 2.0]}))
+    csv = make_csv(pd.DataFrame({"method": ["=HYPERLINK()", "@x", "plain"], "mean_error": [-0.1, 1 / 3, 2.0]}))
 
-    table = pd.read_csv(io.BytesIO(base64.b64decode(link.split(",", 1)[1])))
+    table = pd.read_csv(io.BytesIO(csv))
     assert table.method.tolist() == ["'=HYPERLINK()", "'@x", "plain"]
     assert table.mean_error.tolist() == [-0.1, 1 / 3, 2.0]
 

@@ -1,7 +1,9 @@
 """The files that a report writes and removes next to its page: only its own files."""
 
+import base64
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -10,9 +12,12 @@ import pytest
 
 from glossbench.errors import InputError
 from glossbench.reports import style
+from glossbench.reports.model.report import Report
+from glossbench.reports.page import beside as beside_the_page
 from glossbench.reports.page import html, payload
 from glossbench.run.folder import Folder
 from glossbench.run.manifest import Manifest
+from glossbench.run.results import Results
 from oracles.discs import write_results
 
 PLANTED = 'document.documentElement.setAttribute("data-planted", "1");'
@@ -193,3 +198,45 @@ def test_a_page_of_a_run_that_is_not_finished_says_how_far_it_is(folder):
     page = html.write_report(folder).read_text()
 
     assert f"{len(keys)} of {len(keys) + 1} cells are done: the claims are judged on these" in page
+
+
+# The table of cells.
+
+
+def link_of(folder: Path) -> str:
+    return re.search(r'<a download="cells.csv" href="([^"]*)"', (folder / "report.html").read_text())[1]
+
+
+def test_a_large_table_is_a_file_next_to_the_page_and_goes_with_it(folder, monkeypatch):
+    small = link_of(folder)
+    monkeypatch.setattr(beside_the_page, "INLINE_CSV", 0)
+
+    html.write_report(folder)
+    large = link_of(folder)
+    table = (folder / large).read_bytes()
+    monkeypatch.undo()
+    html.write_report(folder)
+
+    assert large == "report_images/cells.csv"
+    assert base64.b64decode(small.partition("base64,")[2]) == table
+    assert not (folder / large).exists()
+
+
+def test_a_foreign_table_of_that_name_is_not_overwritten(folder, monkeypatch):
+    (folder / "report_images" / "cells.csv").write_text("precious")
+    monkeypatch.setattr(beside_the_page, "INLINE_CSV", 0)
+
+    with pytest.raises(InputError, match=r"cells\.csv was not written by glossbench"):
+        html.write_report(folder)
+
+    assert (folder / "report_images" / "cells.csv").read_text() == "precious"
+
+
+@pytest.mark.parametrize("most", [10, 1500])  # bytes; an image has about 1000
+def test_images_are_in_the_page_or_next_to_it_but_never_in_both(made, folder, monkeypatch, most):
+    monkeypatch.setattr(payload, "INLINE", most)
+
+    built = payload.build_payload(Results(folder), Report.from_results(Results(folder)).groups)
+
+    assert not built.blocks
+    assert {path.name for path in (made / "report_images").iterdir()} == built.files

@@ -131,6 +131,34 @@ def test_the_choices_are_forgotten_if_all_is_computed_again(tmp_path, cache):
     assert KernelChoices(Folder(tmp_path), again=True).choose(call("one"))
 
 
+def choose_at_once(folder, monkeypatch):
+    """The choices after a process has chosen one kernel while another process was choosing another kernel."""
+    first, second = (KernelChoices(Folder(folder)) for _ in range(2))
+    seen = []
+
+    def meanwhile(call):
+        if not seen:
+            seen.append(call)
+            second.choose(SimpleNamespace(key="other", kernel=SimpleNamespace(name="other"), is_on_cpu=True))
+        return False
+
+    monkeypatch.setattr(kernel_choices, "is_ready", meanwhile)
+    first.choose(call("one"))
+    KernelChoices(Folder(folder)).gather()
+    return set(json.loads((folder / "kernels.json").read_bytes()))
+
+
+def test_processes_that_choose_at_once_lose_no_choice(tmp_path, cache, monkeypatch):
+    assert choose_at_once(tmp_path, monkeypatch) == {"one", "other"}
+    assert not list(tmp_path.glob("begun/*"))
+
+
+def test_without_marks_one_would_be_lost(tmp_path, cache, monkeypatch):
+    monkeypatch.setattr(Folder, "list", lambda self, prefix: [])
+
+    assert choose_at_once(tmp_path, monkeypatch) == {"one"}
+
+
 @pytest.mark.parametrize("text", ["", "[]", '{"one": 3}', "nonsense"])
 def test_a_damaged_file_of_choices_is_made_again(tmp_path, cache, text):
     (tmp_path / "kernels.json").write_text(text)

@@ -627,7 +627,7 @@ WRONG = [
     (a_study(methods=None, method="sampler"), "5:1: unknown key 'method'; did you mean 'methods'?"),
     (a_study(title="12"), "1:8: title must be a valid string, got 12"),
     (a_study(seed="-1"), "6:7: seed must be greater than or equal to 0, got -1"),
-    (a_study(device="tpu"), "6:9: device must be 'cpu' or 'cuda', got 'tpu'"),
+    (a_study(device="tpu"), "6:9: device must be 'cpu' or 'cuda', got 'tpu'; did you mean 'cpu'?"),
     (a_study(metrics="[rms, rsm]"), "6:16: metrics[1]: unknown metric 'rsm'; did you mean 'rms'?"),
     (a_study(metrics="[rms, rms]"), '6:16: metrics[1] states the same twice: rms {"space": "linear"}'),
     (
@@ -684,7 +684,7 @@ WRONG = [
     ),
     (
         a_study(methods="{sampler: {mip_filter: bx}}"),
-        "5:33: methods.sampler.mip_filter must be 'box' or 'gauss6', got 'bx'",
+        "5:33: methods.sampler.mip_filter must be 'box' or 'gauss6', got 'bx'; did you mean 'box'?",
     ),
     (
         a_study(material="{plain: {m: [0.5, 2]}}"),
