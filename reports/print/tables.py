@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any
 
-from ..model.cell_table import CHANGES, list_costs, list_counts, list_errors, make_cell_table, without_notes
+from glossbench.shading.method import CHANGES
+
+from ..model.cell_table import list_costs, list_counts, list_errors, make_cell_table, without_notes
 from ..model.equal import EqualTables
 from ..model.report import Report
 from ..model.table import Row, Table

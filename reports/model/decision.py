@@ -1,0 +1,192 @@
+"""The decision of a report: ranks of methods at equal budgets, Pareto fronts in numbers, and which method to take."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from glossbench.columns import CONDITIONS
+from glossbench.findings.costs import COSTS, NEGLIGIBLE
+from glossbench.findings.decisions import LIGHT, Choice, Choices, Need, choose
+from glossbench.findings.fronts import find_fronts
+from glossbench.findings.ranks import Mean, average, draw_weights, rank
+from glossbench.findings.trials import Floats, Trials
+from glossbench.shading.method import CHANGES
+
+from ..style import format_number
+from .report import Report
+from .selection import pick_evenly
+from .table import Entry, Head, Part, Row, Table
+
+MOST_BUDGETS = 4
+FRONTS = {"shade": "shading time", **{change: f"new {change}" for change in CHANGES}, "memory": "memory"}
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What a report says about which method to take, by one metric.
+
+    Attributes:
+        table: the choice for each change and time.
+        ranks: ranks at equal budgets, and on which fronts a configuration is.
+        notes: sentences about both.
+    """
+
+    metric: str
+    table: Table
+    ranks: Table
+    notes: Sequence[str]
+
+
+def decide(report: Report) -> Decision | None:
+    """The decision by the first error of the study; None if no two methods can be compared."""
+    errors = [name for name in report.metrics if report.columns[name].lower_is_better]
+    if not errors:
+        return None
+    choices = report.choices(errors[0])
+    if not has_choice(choices):
+        return None
+    return Decision(
+        errors[0], _make_decision_table(report, choices), _make_rank_table(choices), _list_notes(report, choices)
+    )
+
+
+def has_choice(choices: Choices) -> bool:
+    """Whether two methods, or one method with two sets of options besides the budget, can be compared."""
+    return len({each.configuration.line for each in choices.all}) > 1
+
+
+def _make_decision_table(report: Report, still: Choices) -> Table:
+    """For each change of a scene, the choice from each time on."""
+    cells = {cell.row["key"]: cell for group in report.groups for cell in group.cells}
+    parts = []
+    for title, choices in _list_scenes(still):
+        rows, before = [], None
+        for step in choices.find_steps():
+            ratio = _format_mean(choices.compare(step, before)) if before else ""
+            split = f"{format_number(step.shade)} + {format_number(step.update)}" if step.update else ""
+            entries = [
+                Entry(format_number(step.milliseconds), split),
+                Entry(format_number(choices.mean_error(step)), ratio and f"× {ratio}"),
+                Entry(format_number(step.megabytes)),
+                Entry(_describe_splits(choices, step)),
+            ]
+            cell = cells[step.configuration.cells[step.slowest][0]["key"]]
+            rows.append(Row([step.configuration.name], entries, cell=cell))
+            before = step
+        parts.append(Part(title, rows))
+    metric = report.columns[still.trials.metric]
+    heads = [Head("from", "ms"), Head(metric.title, metric.unit), Head("state", "MB"), Head("but", is_number=False)]
+    return Table([Head("take", is_number=False)], heads, parts)
+
+
+def _list_scenes(still: Choices) -> Iterator[tuple[str, Choices]]:
+    """What may change in each frame, with the choices; changes that cost nothing are told with "nothing"."""
+    by_change = {change: choose(still.trials, Need(changes=(change,))) for change in CHANGES}
+    free = [change for change, each in by_change.items() if _list_times(each) == _list_times(still)]
+    yield f"{' or '.join(['Nothing', *(f'your {change}' for change in free)])} changes in each frame", still
+    for change, choices in by_change.items():
+        if change not in free and choices.all:
+            yield f"Your {change} changes in each frame", choices
+
+
+def _list_times(choices: Choices) -> list[tuple[str, float]]:
+    return [(each.configuration.name, each.milliseconds) for each in choices.all]
+
+
+def _describe_splits(choices: Choices, step: Choice) -> str:
+    """Under which lights alone another choice of at most this time is certainly better, and which."""
+    conditions = choices.trials.conditions
+    need = replace(choices.need, milliseconds=step.milliseconds)
+    found: dict[str, list[str]] = {}
+    for light in dict.fromkeys(conditions[n].names[LIGHT] for n in choices.places):
+        places = [n for n in choices.places if conditions[n].names[LIGHT] == light]
+        own = choose(choices.trials, need, places) if len(places) < len(choices.places) else None
+        for other in own.fitting[:1] if own else ():
+            same = next((each for each in own.all if each.index == step.index), None) if own else None
+            if own and same and own.is_better(other, same):
+                found.setdefault(other.configuration.name, []).append(light)
+    return "; ".join(f"{_join(lights)}: {name}" for name, lights in found.items())
+
+
+def _make_rank_table(choices: Choices) -> Table:
+    """One part for each budget; methods without a budget are in all parts."""
+    trials, members = choices.trials, choices.all
+    budgets = sorted({each.configuration.budget for each in members if each.configuration.budget is not None})
+    costs = [cost for cost in COSTS if (np.nan_to_num(trials.cost(cost).middle) >= NEGLIGIBLE[cost]).any()]
+    fronts = {cost: find_fronts(trials, cost) for cost in costs}
+    weights = draw_weights(trials.conditions)
+    parts = []
+    for budget in pick_evenly(budgets, MOST_BUDGETS) or [None]:
+        own = [each for each in members if each.configuration.budget in (None, budget)]
+        if len(own) > 1:
+            title = f"budget {budget:g}" if budget is not None else ""
+            ranks = average(rank(trials.orders, [each.index for each in own]), weights)
+            parts.append(Part(title, _list_ranks(choices, own, ranks, fronts)))
+    heads = [Head("rank"), Head(trials.metric), *(Head(f"front: {FRONTS[cost]}", is_number=False) for cost in costs)]
+    return Table([Head("method", is_number=False)], heads, parts)
+
+
+def _list_ranks(choices: Choices, own: Sequence[Choice], ranks: Sequence[Mean], fronts: dict[str, Floats]) -> list[Row]:
+    rows = []
+    lowest, *others = sorted(ranks, key=lambda each: each.value)
+    for each, mean in sorted(zip(own, ranks, strict=True), key=lambda pair: pair[1].value):
+        is_best = mean is lowest and all(mean.high < other.low for other in others)
+        interval = f"{format_number(mean.low, 2)} to {format_number(mean.high, 2)}" if mean.low < mean.high else ""
+        entries = [
+            Entry(format_number(mean.value, 2), interval, is_best),
+            Entry(format_number(choices.mean_error(each))),
+        ]
+        entries += [_describe_front(choices.trials, front[each.index]) for front in fronts.values()]
+        rows.append(Row([each.configuration.name], entries))
+    return rows
+
+
+def _describe_front(trials: Trials, is_on: Floats) -> Entry:
+    """Under how many conditions a configuration is on a front; if not under all, under which lights it is."""
+    n, of = int(is_on.sum()), len(is_on)
+    if n in (0, of):
+        return Entry("–" if n == 0 else f"all {of}" if of > 1 else "yes")
+    lights: dict[str, list[bool]] = {}
+    for condition, on in zip(trials.conditions, is_on, strict=True):
+        lights.setdefault(condition.names[LIGHT], []).append(bool(on))
+    every, partly = ([light for light, on in lights.items() if rule(on)] for rule in (all, _is_mixed))
+    told = [f"{_join(every)}"] if every else []
+    told += [f"partly {_join(partly)}"] if partly else []
+    return Entry(f"{n} of {of}", "; ".join(told) if len(lights) > 1 else "")
+
+
+def _is_mixed(on: Sequence[bool]) -> bool:
+    return any(on) and not all(on)
+
+
+def _join(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 3 else f"{len(names)} lights"
+
+
+def _format_mean(mean: Mean) -> str:
+    return f"{format_number(mean.value, 2)} [{format_number(mean.low, 2)}, {format_number(mean.high, 2)}]"
+
+
+def _list_notes(report: Report, choices: Choices) -> list[str]:
+    """Where errors, times and intervals come from, and what is not compared."""
+    conditions = choices.trials.conditions
+    counts = {kind: len({each.keys[at] for each in conditions}) for at, kind in enumerate(CONDITIONS)}
+    over = ", ".join(f"{n} {kind}{'s' if n > 1 else ''}" for kind, n in counts.items())
+    machines = ", ".join(report.list_values("processor")) or "an unknown processor"
+    notes = [
+        f"Errors are geometric means over {len(conditions)} conditions ({over}); × is the ratio to the line above, "
+        "with its 95 % interval by a bootstrap over lights, materials and views, and by the noise of the references.",
+        f"Times are those of one frame, shading and what a change makes necessary again, the largest over the "
+        f"conditions, at the measured sizes of the views on {machines}.",
+    ]
+    if 1 < max(counts.values()) <= 3:
+        notes.append("With three or fewer lights, materials and views the intervals over conditions are only a hint.")
+    if any(each.is_stated for each in choices.all):
+        stated = [each.configuration.name for each in choices.all if each.is_stated]
+        notes.append(f"The times of {', '.join(stated)} were stated by their author, not measured.")
+    if choices.left_out:
+        names = list(choices.left_out)
+        more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+        notes.append(f"Not compared, because an image or a time is missing: {', '.join(names[:5])}{more}.")
+    return notes
