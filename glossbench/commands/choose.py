@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from math import inf
+from math import inf, isnan
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,6 +15,8 @@ from glossbench.commands.quantities import parse_budget, parse_memory
 from glossbench.errors import InputError, suggest_nearest
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from glossbench.findings.decisions import Choice, Choices
     from glossbench.findings.ranks import Mean
     from glossbench.findings.trials import Trials
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 MOST = 20  # of the lines of one list
 WORDS = {
     "times the first": "ratio of errors, a geometric mean over the conditions, with its 95 % interval by a bootstrap "
-    "over lights, materials and views, and by the noise of the references",
+    "over lights, materials and views (with three or fewer of each only a hint), and by the noise of the references",
     "like the first": "this interval contains 1",
     "cell": "the beginning of its key in cells.parquet",
 }
@@ -48,6 +50,7 @@ def choose(
     """Say which methods fit a need, best first, and what would change the answer."""
     from glossbench.findings.decisions import Need
     from glossbench.findings.decisions import choose as find_choices
+    from glossbench.findings.trials import read_trials
     from glossbench.findings.turns import find_turns
     from glossbench.run.results import Results
     from glossbench.shading.method import CHANGES
@@ -59,18 +62,20 @@ def choose(
     megabytes = parse_memory(memory) if memory is not None else inf
     need = Need(tuple(dict.fromkeys(changes or ())), milliseconds, megabytes, n_pixels)
     opened = Results.open(results)
-    for remark in opened.remarks(opened.cells):
+    cells = opened.cells
+    for remark in opened.remarks(cells):
         note(remark)
-    first, *others = _list_metrics(opened, metric)
-    trials = _read_trials(opened, first)
-    if n_pixels and any(each.n_pixels != each.n_pixels for each in trials.conditions):
+    rows = [parse_row(row) for row in cells.to_dict("records")]
+    first, *others = [
+        read_trials(rows, name, _count_pixels(opened, rows)) for name in _list_metrics(opened, cells, metric)
+    ]
+    if n_pixels and any(isnan(each.n_pixels) for each in first.conditions):
         raise InputError(f"{results} does not say how many pixels were timed: leave out ' at ' and the size")
-    places = _select(trials, anisotropic)
-    choices = find_choices(trials, need, places)
-    print_rows(_describe_need(choices, opened, budget, memory))
-    warn_of_times(opened.cells)
+    choices = find_choices(first, need, _select(first, anisotropic))
+    print_rows(_describe_need(choices, budget, memory))
+    warn_of_times(cells)
     _print_choices(choices)
-    turns = find_turns(choices, {name: _read_trials(opened, name) for name in others})
+    turns = find_turns(choices, {each.metric: each for each in others})
     if turns:
         say("What would change the answer:")
     for turn in turns:
@@ -79,22 +84,15 @@ def choose(
     print_words(WORDS)
 
 
-def _list_metrics(results: "Results", asked: str | None) -> list[str]:
+def _list_metrics(results: "Results", cells: "DataFrame", asked: str | None) -> list[str]:
     """The errors of which less is better, the asked one first."""
-    columns, cells = results.columns, results.cells
+    columns = results.columns
     known = [name for name in results.metrics if name in cells and columns[name].lower_is_better]
     if not known:
         raise InputError(f"{results.store.address} has no metric of which less is better")
     if asked is not None and asked not in known:
         raise InputError(f"--metric: no error of these results is called {asked!r}{suggest_nearest(asked, known)}")
     return sorted(known, key=lambda name: name != (asked or known[0]))
-
-
-def _read_trials(results: "Results", metric: str) -> "Trials":
-    from glossbench.findings.trials import read_trials
-
-    rows = [parse_row(row) for row in results.cells.to_dict("records")]
-    return read_trials(rows, metric, _count_pixels(results, rows))
 
 
 def _count_pixels(results: "Results", rows: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -112,17 +110,15 @@ def _select(trials: "Trials", anisotropic: bool) -> list[int]:
     return places
 
 
-def _describe_need(choices: "Choices", results: "Results", budget: str | None, memory: str | None) -> dict[str, str]:
+def _describe_need(choices: "Choices", budget: str | None, memory: str | None) -> dict[str, str]:
     """The need, the conditions, and where times come from."""
     need, trials = choices.need, choices.trials
     asked = [f"new {' and '.join(need.changes)} in each frame" if need.changes else "nothing changes between frames"]
     asked += [f"at most {text}" for text in (budget, memory) if text]
     seen = [trials.conditions[n] for n in choices.places]
     names = [list(dict.fromkeys(each.names[at] for each in seen)) for at in range(len(CONDITIONS))]
-    done = results.cells[results.cells["status"] == "done"]
-    machines = [
-        f"{name} ({device})" for name, device in dict.fromkeys(zip(done["processor"], done["device"], strict=True))
-    ]
+    rows = [row for each in trials.configurations for own in each.cells.values() for row in own]
+    machines = dict.fromkeys(f"{row.get('processor') or 'an unknown processor'} ({row.get('device')})" for row in rows)
     scaled = ""
     if need.n_pixels:
         measured = sorted({round(each.n_pixels) for each in seen})
@@ -149,7 +145,8 @@ def _print_choices(choices: "Choices") -> None:
         say(f"   {'; '.join(_list_cells(choices, each))}")
     if len(best) > MOST:
         say(f"... and {len(best) - MOST} more")
-    told = {each.configuration.name: _format_costs(each) for each in choices.all if each not in fitting}
+    others = sorted((each for each in choices.all if each not in fitting), key=lambda each: each.milliseconds)
+    told = {each.configuration.name: _format_costs(each) for each in others}
     for title, reasons in (("Too slow or too large", told), ("Not comparable", choices.left_out)):
         for name, reason in islice(reasons.items(), MOST):
             out.print(f"{title}: {name}: {reason}", style="dim", soft_wrap=True, markup=False)
@@ -159,7 +156,7 @@ def _print_choices(choices: "Choices") -> None:
 
 
 def _format_error(choices: "Choices", choice: "Choice", first: "Choice") -> str:
-    text = f"{choices.trials.metric} {choices.mean_error(choice):.3g}"
+    text = f"{choices.trials.metric} {_format(choices.mean_error(choice))}"
     if choice is first:
         return text
     ratio = choices.compare(choice, first)
@@ -167,14 +164,18 @@ def _format_error(choices: "Choices", choice: "Choice", first: "Choice") -> str:
 
 
 def _format_ratio(ratio: "Mean") -> str:
-    return f"{ratio.value:.3g} [{ratio.low:.3g}, {ratio.high:.3g}]"
+    return f"{_format(ratio.value)} [{_format(ratio.low)}, {_format(ratio.high)}]"
 
 
 def _format_costs(choice: "Choice") -> str:
-    parts = f" = {choice.shade:.3g} + {choice.update:.3g}" if choice.update else ""
+    parts = f" = {_format(choice.shade)} + {_format(choice.update)}" if choice.update else ""
     source = ", stated by its author" if choice.is_stated else ""
-    memory = "" if choice.megabytes != choice.megabytes else f", {choice.megabytes:.3g} MB"
-    return f"{choice.milliseconds:.3g} ms{parts}{source}{memory}"
+    memory = "" if isnan(choice.megabytes) else f", {_format(choice.megabytes)} MB"
+    return f"{_format(choice.milliseconds)} ms{parts}{source}{memory}"
+
+
+def _format(value: float) -> str:
+    return f"{float(f'{value:.3g}'):,g}"
 
 
 def _list_cells(choices: "Choices", choice: "Choice") -> Iterator[str]:
@@ -183,5 +184,5 @@ def _list_cells(choices: "Choices", choice: "Choice") -> Iterator[str]:
     low, high = (pick(choices.places, key=lambda n: errors[n]) for pick in (min, max))
     for what, n in (("lowest error", low), ("highest error", high), ("slowest", choice.slowest)):
         row = choice.configuration.cells[n][0]
-        value = "" if what == "slowest" else f" {row[trials.metric]:.3g}"
+        value = "" if what == "slowest" else f" {_format(row[trials.metric])}"
         yield f"{what}{value}: {trials.conditions[n].title} (cell {row['key'][:8]})"

@@ -67,7 +67,9 @@ class Choice:
 
     def fits(self, need: Need) -> bool:
         """Whether its time and memory are within the limits; an unknown memory is not within a limit."""
-        return self.milliseconds <= need.milliseconds and (need.megabytes == inf or self.megabytes <= need.megabytes)
+        slack = 1 + 1e-9  # a limit that was printed with few digits and typed again is kept
+        is_small = need.megabytes == inf or self.megabytes <= slack * need.megabytes
+        return self.milliseconds <= slack * need.milliseconds and is_small
 
 
 @dataclass(frozen=True, eq=False)

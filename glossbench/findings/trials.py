@@ -150,8 +150,8 @@ class Trials:
                 low[c, n], high[c, n] = 1e3 * min(runs), 1e3 * max(runs)  # type: ignore[type-var, operator]
             else:
                 low[c, n], high[c, n] = middle[c, n] / SPREAD**0.5, middle[c, n] * SPREAD**0.5
-        free = middle < NEGLIGIBLE[name]
-        return Ends(*(np.where(free, 0.0, each) for each in (low, middle, high)))
+        free, unknown = middle < NEGLIGIBLE[name], np.isnan(middle)
+        return Ends(*(np.where(free, 0.0, np.where(unknown, np.nan, each)) for each in (low, middle, high)))
 
     @cached_property
     def _shifts(self) -> dict[tuple[int, int], "_Shifts"]:

@@ -57,10 +57,11 @@ def _with_other_limits(choices: Choices, first: Choice | None) -> Iterator[Turn]
         each = min(choices.all, key=lambda choice: choice.milliseconds)
         sizes = f"{_round_up(each.milliseconds)} ms and {_round_up(each.megabytes)} MB"
         yield _turn(choices, f"with {sizes}", each, first)
-    for unit in freed if first else ():
+    limited = ["ms", *(["MB"] if need.megabytes < inf else [])]
+    for unit in limited if first else ():
         smaller = [each for each in choices.fitting if _size(each, unit) < _size(first, unit)]
         if smaller:
-            yield _turn(choices, f"with less than {_size(first, unit):.3g} {unit}", smaller[0], first)
+            yield _turn(choices, f"with less than {_round(_size(first, unit))} {unit}", smaller[0], first)
 
 
 def _with_other_changes(choices: Choices, first: Choice | None) -> Iterator[Turn]:
@@ -120,4 +121,8 @@ def _round_up(value: float) -> str:
     if not 0 < value < inf:
         return f"{value:g}"
     step = 10.0 ** (floor(log10(value)) - 1)
-    return f"{ceil(value / step) * step:.3g}"
+    return _round(ceil(value / step - 1e-9) * step)
+
+
+def _round(value: float) -> str:
+    return f"{float(f'{value:.3g}'):,g}"

@@ -35,7 +35,7 @@ class Fronts(Figure):
         heights = {
             each.index: float(np.exp((choices.trials.log_errors[each.index] - lowest).mean())) for each in choices.all
         }
-        axis = Axis(f"{column.title} / the lowest, over {n} conditions", f"times the lowest {metric}")
+        axis = Axis(f"{column.title} / lowest", f"{metric} / lowest")
         lines = _group_lines(choices, over)
         panels = [panel for cost in COSTS if (panel := _plot(choices, cost, axis, lines, heights))]
         return Panels(panels, f"over all {n} conditions against costs")
@@ -69,4 +69,4 @@ def _plot(
         x, values = (np.array([of[each.index] for each in own]) for of in (costs, heights))
         drawn.append(Line(label, x, values))
         masks.append(np.array([each in front for each in own]))
-    return Panel(f"front {cost}", make_cost_axis(cost), y, drawn, masks, is_main=cost == "shade")
+    return Panel(f"front {cost}", make_cost_axis(cost), y, drawn, masks)

@@ -19,7 +19,19 @@ from .selection import pick_evenly
 from .table import Entry, Head, Part, Row, Table
 
 MOST_BUDGETS = 4
-FRONTS = {"shade": "shading time", **{change: f"new {change}" for change in CHANGES}, "memory": "memory"}
+TAKE = (
+    "From: with less time, take the line above. A line is here only if the 95 % interval of its error over that of the "
+    "line above is below 1; times within 20 % count as equal. But: under this light alone, another method that takes "
+    "no longer is better in this sense."
+)
+RANKS = (
+    "Rank: mean over the conditions of 1 + the number of lower errors + half the number of errors whose order noise "
+    "leaves open; below, its 95 % interval. Bold: no other interval overlaps. Methods without a budget are in each "
+    "part. Front: under how many conditions no other configuration of the study, of any budget, has a lower error "
+    "beyond noise at a cost that is not higher, or an equal error at a lower cost; below, under which lights, if not "
+    "under all."
+)
+FRONTS = {"shade": "time", **{change: change for change in CHANGES}, "memory": "memory"}
 
 
 @dataclass(frozen=True)
@@ -29,13 +41,12 @@ class Decision:
     Attributes:
         table: the choice for each change and time.
         ranks: ranks at equal budgets, and on which fronts a configuration is.
-        notes: sentences about both.
+        explained: how to read the first table, and where its numbers come from.
     """
 
-    metric: str
     table: Table
     ranks: Table
-    notes: Sequence[str]
+    explained: str
 
 
 def decide(report: Report) -> Decision | None:
@@ -46,9 +57,8 @@ def decide(report: Report) -> Decision | None:
     choices = report.choices(errors[0])
     if not has_choice(choices):
         return None
-    return Decision(
-        errors[0], _make_decision_table(report, choices), _make_rank_table(choices), _list_notes(report, choices)
-    )
+    explained = " ".join([TAKE, *_list_notes(report, choices)])
+    return Decision(_make_decision_table(report, choices), _make_rank_table(choices), explained)
 
 
 def has_choice(choices: Choices) -> bool:
@@ -77,21 +87,27 @@ def _make_decision_table(report: Report, still: Choices) -> Table:
         parts.append(Part(title, rows))
     metric = report.columns[still.trials.metric]
     heads = [Head("from", "ms"), Head(metric.title, metric.unit), Head("state", "MB"), Head("but", is_number=False)]
+    if not any(row.entries[-1].text for part in parts for row in part.rows):
+        heads = heads[:-1]
+        parts = [part._replace(rows=[row._replace(entries=row.entries[:-1]) for row in part.rows]) for part in parts]
     return Table([Head("take", is_number=False)], heads, parts)
 
 
 def _list_scenes(still: Choices) -> Iterator[tuple[str, Choices]]:
-    """What may change in each frame, with the choices; changes that cost nothing are told with "nothing"."""
-    by_change = {change: choose(still.trials, Need(changes=(change,))) for change in CHANGES}
-    free = [change for change, each in by_change.items() if _list_times(each) == _list_times(still)]
-    yield f"{' or '.join(['Nothing', *(f'your {change}' for change in free)])} changes in each frame", still
-    for change, choices in by_change.items():
-        if change not in free and choices.all:
-            yield f"Your {change} changes in each frame", choices
+    """What may change in each frame, with the choices; changes with the same times are told together."""
+    scenes = {"nothing": still} | {f"your {each}": choose(still.trials, Need(changes=(each,))) for each in CHANGES}
+    alike: dict[tuple[tuple[str, float], ...], list[str]] = {}
+    for name, choices in scenes.items():
+        alike.setdefault(_list_times(choices), []).append(name)
+    for times, names in alike.items():
+        if times:
+            *others, last = names
+            told = f"{', '.join(others)} or {last}" if others else last
+            yield f"{told} changes in each frame".capitalize(), scenes[names[0]]
 
 
-def _list_times(choices: Choices) -> list[tuple[str, float]]:
-    return [(each.configuration.name, each.milliseconds) for each in choices.all]
+def _list_times(choices: Choices) -> tuple[tuple[str, float], ...]:
+    return tuple((each.configuration.name, each.milliseconds) for each in choices.all)
 
 
 def _describe_splits(choices: Choices, step: Choice) -> str:
@@ -123,7 +139,7 @@ def _make_rank_table(choices: Choices) -> Table:
             title = f"budget {budget:g}" if budget is not None else ""
             ranks = average(rank(trials.orders, [each.index for each in own]), weights)
             parts.append(Part(title, _list_ranks(choices, own, ranks, fronts)))
-    heads = [Head("rank"), Head(trials.metric), *(Head(f"front: {FRONTS[cost]}", is_number=False) for cost in costs)]
+    heads = [Head("rank"), Head(trials.metric), *(Head(FRONTS[cost], group="front", is_number=False) for cost in costs)]
     return Table([Head("method", is_number=False)], heads, parts)
 
 

@@ -23,7 +23,7 @@ from ..model.selection import MOST_PICTURES, choose_cells, choose_middle_budgets
 from ..typesetting import Press
 from .images import PrintedGroup, choose_best_few
 from .plots import draw, select_comparable, split_facets
-from .tables import make_cost_table, make_error_tables, print_claim, print_equal, print_references
+from .tables import make_cost_table, make_error_tables, print_claim, print_decision, print_equal, print_references
 
 MOST_WITHOUT = 100  # cells without an image that are listed one by one
 MANY_CELLS = 60  # with more, the tables of all cells move to the appendix
@@ -54,6 +54,7 @@ def write_report(where: Path | str) -> Path | str:
             "table_words": _to_words(report.table_words),
             "method": report.sole_method,
             "answer": answer,
+            "decision": print_decision(report),
             "errors": errors,
             "more_errors": more_errors,
             "tables_last": len(report.rows) > MANY_CELLS,
