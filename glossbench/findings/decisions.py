@@ -8,6 +8,7 @@ interval of the bootstrap over conditions (ranks.py) and that of the noise of th
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import exp, inf, isnan
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from glossbench.columns import CONDITIONS
 from glossbench.findings.costs import NEGLIGIBLE, read_named_cost
 from glossbench.findings.estimates import CONFIDENCE
 from glossbench.findings.ranks import Mean, average, draw_weights
-from glossbench.findings.trials import SPREAD, Configuration, Floats, Row, Trials
+from glossbench.findings.trials import SPREAD, Configuration, Floats, Row, Trials, find_factor
 
 LIGHT = CONDITIONS.index("light")
 
@@ -106,13 +107,12 @@ class Choices:
         return bool(self._compare_all(other.index).high[choice.index] < 0)
 
     def find_front(self, cost: str) -> list[Choice]:
-        """The choices that no other one beats: to be better, at a largest cost that is not higher beyond its spread."""
-        ends = self.trials.cost(cost)
-        low, high = (each[:, self.places].max(axis=1) for each in (ends.low, ends.high))
+        """The choices that no other one beats: to be better, at a largest cost that is not higher."""
+        largest, factor = self.trials.cost(cost)[:, self.places].max(axis=1), find_factor(cost)
         return [
             each
             for each in self.all
-            if not ((self._compare_all(each.index).high < 0) & (low <= high[each.index])).any()
+            if not ((self._compare_all(each.index).high < 0) & (largest <= factor * largest[each.index])).any()
         ]
 
     def find_steps(self) -> list[Choice]:
@@ -130,14 +130,16 @@ class Choices:
                 steps = [*steps[: -1 if near else None], each]
         return steps
 
+    @cached_property
+    def _weights(self) -> Floats:
+        return draw_weights([self.trials.conditions[n] for n in self.places])
+
     def _compare_all(self, other: int) -> "_LogRatios":
         """The log ratio of each configuration's error to that of another one; NaN for those that cannot be compared."""
         if other not in self._ratios:
             errors = self.trials.log_errors[:, self.places]
             known = [each.index for each in self.all]
-            means = average(
-                errors[known] - errors[other], draw_weights([self.trials.conditions[n] for n in self.places])
-            )
+            means = average(errors[known] - errors[other], self._weights)
             mean, low, high = (np.full(len(errors), np.nan) for _ in range(3))
             mean[known], low[known], high[known] = np.array(means).T
             half = self._measure_noise(other)

@@ -38,8 +38,8 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Row = Mapping[str, Any]
 TINY = 1e-300  # stands for an error of exactly 0, which has no logarithm
-# Times without a recorded spread, as those of stages, count as equal within this factor: it is the median of slowest
-# over fastest run of shading in quickstart (1.13) and in regular_sampling_table_1 (1.18), on a quiet machine.
+# Times within this factor count as equal. On a quiet machine the median of slowest over fastest run of shading is 1.13
+# in quickstart and 1.18 in regular_sampling_table_1; stages have no recorded spread.
 SPREAD = 1.2
 
 
@@ -81,14 +81,6 @@ class Configuration:
     budget: float | None
     cells: Mapping[int, Sequence[Row]]
     reasons: Mapping[int, str]
-
-
-class Ends(NamedTuple):
-    """A cost of each configuration (rows) under each condition (columns): fastest run, median and slowest run."""
-
-    low: Floats
-    middle: Floats
-    high: Floats
 
 
 class Order(NamedTuple):
@@ -137,21 +129,12 @@ class Trials:
         """For each condition, of the difference of log errors of each pair: its variance, and degrees of freedom."""
         return [self._measure_noise(n) for n in range(len(self.conditions))]
 
-    def cost(self, name: str) -> Ends:
-        """A cost by its name in `COSTS` [ms or MB]; NaN if unknown. A negligible cost is 0; a size is exact."""
-        middle, low, high = (np.full(self.done.shape, np.nan) for _ in range(3))
+    def cost(self, name: str) -> Floats:
+        """A cost by its name in `COSTS` [ms or MB], like `log_errors`; 0 if it is negligible, NaN if it is unknown."""
+        found = np.full(self.done.shape, np.nan)
         for c, n in np.argwhere(self.done):
-            rows = self.configurations[c].cells[n]
-            middle[c, n] = np.median([read_named_cost(row, name) for row in rows])
-            runs = [row.get(f"shade_seconds_{end}") for row in rows for end in ("low", "high")]
-            if name == "memory":
-                low[c, n] = high[c, n] = middle[c, n]
-            elif name == "shade" and None not in runs:
-                low[c, n], high[c, n] = 1e3 * min(runs), 1e3 * max(runs)  # type: ignore[type-var, operator]
-            else:
-                low[c, n], high[c, n] = middle[c, n] / SPREAD**0.5, middle[c, n] * SPREAD**0.5
-        free, unknown = middle < NEGLIGIBLE[name], np.isnan(middle)
-        return Ends(*(np.where(free, 0.0, np.where(unknown, np.nan, each)) for each in (low, middle, high)))
+            found[c, n] = np.median([read_named_cost(row, name) for row in self.configurations[c].cells[n]])
+        return np.where(found < NEGLIGIBLE[name], 0.0, found)
 
     @cached_property
     def _shifts(self) -> dict[tuple[int, int], "_Shifts"]:
@@ -178,6 +161,11 @@ class Trials:
         floored = self.at_floor[:, n]
         equal = (floored[:, None] & floored[None, :]) | ((difference == 0) & (variance == 0))
         return Order((difference + half < 0) & ~equal, equal)
+
+
+def find_factor(cost: str) -> float:
+    """The factor within which two values of a cost are equal: times vary, sizes do not."""
+    return 1.0 if cost == "memory" else SPREAD
 
 
 class _Shifts(NamedTuple):

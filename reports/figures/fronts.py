@@ -60,7 +60,7 @@ def _plot(
     choices: Choices, cost: str, y: Axis, lines: list[tuple[Label, list[Choice]]], heights: Mapping[int, float]
 ) -> Panel | None:
     """Errors over the largest cost; None if the cost of all is negligible or unknown."""
-    costs = choices.trials.cost(cost).middle.max(axis=1)
+    costs = choices.trials.cost(cost).max(axis=1)
     if not (costs[[each.index for each in choices.all]] > 0).any():
         return None
     front = choices.find_front(cost)

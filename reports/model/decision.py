@@ -28,8 +28,8 @@ RANKS = (
     "Rank: mean over the conditions of 1 + the number of lower errors + half the number of errors whose order noise "
     "leaves open; below, its 95 % interval. Bold: no other interval overlaps. Methods without a budget are in each "
     "part. Front: under how many conditions no other configuration of the study, of any budget, has a lower error "
-    "beyond noise at a cost that is not higher, or an equal error at a lower cost; below, under which lights, if not "
-    "under all."
+    "beyond noise at a cost that is not higher, or an equal error at a lower cost, where times within 20 % are equal; "
+    "below, under which lights, if not under all."
 )
 FRONTS = {"shade": "time", **{change: change for change in CHANGES}, "memory": "memory"}
 
@@ -129,7 +129,7 @@ def _make_rank_table(choices: Choices) -> Table:
     """One part for each budget; methods without a budget are in all parts."""
     trials, members = choices.trials, choices.all
     budgets = sorted({each.configuration.budget for each in members if each.configuration.budget is not None})
-    costs = [cost for cost in COSTS if (np.nan_to_num(trials.cost(cost).middle) >= NEGLIGIBLE[cost]).any()]
+    costs = [cost for cost in COSTS if (np.nan_to_num(trials.cost(cost)) >= NEGLIGIBLE[cost]).any()]
     fronts = {cost: find_fronts(trials, cost) for cost in costs}
     weights = draw_weights(trials.conditions)
     parts = []

@@ -98,7 +98,11 @@ def _limit_rows(report: Report) -> int:
 def _print_table(table: Table, caption: str, more: str, sole_method: str = "") -> dict[str, Any]:
     """The data for the template; if there is only one method, it is the head of the column of options."""
     heads = [
-        {"title": f"{head.group.split(', ')[-1]}\n{head.title}" if head.group else head.title, "unit": head.unit}
+        {
+            "title": f"{head.group.split(', ')[-1]}\n{head.title}" if head.group else head.title,
+            "unit": head.unit,
+            "is_number": head.is_number,
+        }
         for head in table.heads
     ]
     groups = []
@@ -107,7 +111,7 @@ def _print_table(table: Table, caption: str, more: str, sole_method: str = "") -
         if part.left_out:
             rows.append({"name": "…", "options": "", "outcome": f"and {part.left_out} more {more}"})
         groups.append({"title": part.title, "rows": rows})
-    first = {"title": sole_method or table.names[0].title, "unit": ""}
+    first = {"title": sole_method or table.names[0].title, "unit": "", "is_number": False}
     return {"caption": caption, "columns": [first, *heads], "groups": groups}
 
 

@@ -1,6 +1,8 @@
 """`glossbench choose`: its lines, the cells that they name, and its messages."""
 
 import json
+import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -78,3 +80,12 @@ def test_without_an_anisotropic_material_the_question_has_no_answer(call, discs,
     assert called.code == 2
     assert called.err == "error: --anisotropic: no material of these results is anisotropic: kurt\n"
     assert "does not say how many pixels were timed" in call("choose", tmp_path, "--budget", "1 ms at 8^2").err
+
+
+def test_the_road_in_python_of_the_documentation_gives_names(discs, capsys):
+    page = (Path(__file__).parents[2] / "docs" / "choose-a-method.md").read_text(encoding="utf-8")
+    [road] = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+
+    exec(compile(road.replace("results/quickstart", str(discs)), "choose-a-method.md", "exec"), {})
+
+    assert capsys.readouterr().out.startswith("['filtered_importance_sampling (samples 64)', 'regular_sampling")

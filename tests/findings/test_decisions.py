@@ -19,7 +19,7 @@ METHODS = {
 
 def make_rows(methods=METHODS, lights=LIGHTS):
     return [
-        trial_row(name, light, material, error, ms=(ms, ms, ms), update={"light": update}, mb=mb)
+        trial_row(name, light, material, error, ms=ms, update={"light": update}, mb=mb)
         for name, (error, ms, update, mb) in methods.items()
         for light in lights
         for material in MATERIALS
@@ -67,7 +67,7 @@ def test_two_changes_cost_at_most_all_stages():
 
 
 def test_a_time_is_the_largest_over_the_conditions():
-    rows = [trial_row("a", light, ms=(ms, ms, ms)) for light, ms in (("x", 1.0), ("y", 5.0), ("z", 2.0))]
+    rows = [trial_row("a", light, ms=ms) for light, ms in (("x", 1.0), ("y", 5.0), ("z", 2.0))]
 
     [only] = choose_from(rows).all
 
@@ -108,7 +108,7 @@ def check_is_no_step(rows):
 
 def make_unstable():
     """b is better on the mean, but under one of its four lights it is far worse."""
-    return [trial_row(name, light, error=error, ms=(ms, ms, ms))
+    return [trial_row(name, light, error=error, ms=ms)
             for name, ms, errors in (("a", 1.0, [1, 1, 1, 1]), ("b", 2.0, [0.3, 0.3, 0.3, 4]))
             for light, error in zip(LIGHTS, errors, strict=True)]  # fmt: skip
 

@@ -52,8 +52,8 @@ def wobbling(error, share):
 
 
 def test_a_front_has_what_no_other_configuration_beats_in_error_and_cost():
-    rows = [trial_row("cheap", error=2.0, ms=(1, 1, 1)), trial_row("best", error=0.5, ms=(3, 3, 3)),
-            trial_row("beaten", error=3.0, ms=(2, 2, 2)), trial_row("same_time", error=4.0, ms=(1, 1, 1))]  # fmt: skip
+    rows = [trial_row("cheap", error=2.0, ms=1), trial_row("best", error=0.5, ms=3),
+            trial_row("beaten", error=3.0, ms=2), trial_row("same_time", error=4.0, ms=1)]  # fmt: skip
 
     assert find_fronts(read_trials(rows, "rms"), "shade")[:, 0].tolist() == [True, True, False, False]
 
@@ -65,7 +65,7 @@ def check_noise_keeps_both(rows):
 # Half a percent lower, with a noise of sqrt(7) * 1 % of each: apart from each other, the two wobbles do not cancel.
 NOISY = [
     trial_row("a", **wobbling(1.0, 0.01)),
-    trial_row("b", **wobbling(1.005, -0.01) | {"ms": (2.0, 2.0, 2.0)}),
+    trial_row("b", **wobbling(1.005, -0.01) | {"ms": 2.0}),
 ]
 
 
@@ -85,16 +85,17 @@ def test_noise_that_two_errors_share_does_not_keep_the_higher_one_on_the_front()
 
 
 def test_of_errors_that_the_reference_cannot_resolve_the_cheaper_is_on_the_front():
-    rows = [trial_row(name, error=error, ms=(ms, ms, ms), at_noise_floor=True)
+    rows = [trial_row(name, error=error, ms=ms, at_noise_floor=True)
             for name, error, ms in (("a", 1.0, 2.0), ("b", 2.0, 1.0))]  # fmt: skip
 
     assert find_fronts(read_trials(rows, "rms"), "shade")[:, 0].tolist() == [False, True]
 
 
-def test_times_whose_runs_overlap_are_not_higher():
-    rows = [trial_row("a", error=1.0, ms=(1.5, 2.0, 4.0)), trial_row("b", error=2.0, ms=(1.0, 1.4, 1.6))]
+@pytest.mark.parametrize(("ms", "is_on"), [(1.15, False), (1.3, True)])
+def test_times_within_a_fifth_are_equal(ms, is_on):
+    rows = [trial_row("a", error=1.0, ms=ms), trial_row("b", error=2.0, ms=1.0)]
 
-    assert find_fronts(read_trials(rows, "rms"), "shade")[:, 0].tolist() == [True, False]
+    assert find_fronts(read_trials(rows, "rms"), "shade")[:, 0].tolist() == [True, is_on]
 
 
 def test_an_image_of_unknown_cost_is_on_no_front_and_beats_nothing():
@@ -128,9 +129,9 @@ def test_an_interval_of_a_mean_rank_holds_the_mean_of_all_lights_and_materials()
     ranks, conditions = draw_crossed(9, 8, 300)
     truth = 1 + 0.6355  # the normal distribution at 0.3 / sqrt(0.75)
 
-    # Of 300 repeats at 95 %, a share of 92.5 to 97.5 % is within two standard errors; measured 95.0 %.
+    # 95 % is wanted, with a standard error of 1.3 % for 300 repeats; measured 93.7 %, and 94.3 % of 3000.
     assert measure_coverage(conditions, ranks, truth) > 0.92
-    # The planted fault: each condition is drawn by itself, as if none shared a light or a material. Measured 64 %.
+    # The planted fault: each condition is drawn by itself, as if none shared a light or a material. Measured 61 %.
     apart = [replace_keys(each, f"l{i}") for i, each in enumerate(conditions)]
     assert measure_coverage(apart, ranks, truth) < 0.75
 
