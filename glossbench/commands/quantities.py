@@ -1,15 +1,18 @@
 """Quantities with units, as a user types them: "1 ms at 128^2", "4MB"."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import inf
 
 from glossbench.errors import InputError, suggest_nearest
 
 MILLISECONDS = {"us": 1e-3, "ms": 1.0, "s": 1e3}
 MEGABYTES = {"kB": 1e-3, "MB": 1.0, "GB": 1e3, "KiB": 1024e-6, "MiB": 1024**2 * 1e-6, "GiB": 1024**3 * 1e-6}
-_SIZES = {r"(\d+) *\^ *2": lambda edge: edge**2, r"(\d+) *x *(\d+)": lambda width, height: width * height,
-          r"(\d+)": lambda n: n}  # fmt: skip
+_SIZES: Mapping[str, Callable[..., int]] = {
+    r"(\d+) *\^ *2": lambda edge: edge**2,
+    r"(\d+) *x *(\d+)": lambda width, height: width * height,
+    r"(\d+)": lambda n: n,
+}
 
 
 def parse_budget(text: str) -> tuple[float, int | None]:
@@ -40,6 +43,6 @@ def _parse(text: str, units: Mapping[str, float], option: str, example: str) -> 
 def _parse_size(text: str) -> int:
     for pattern, count in _SIZES.items():
         if found := re.fullmatch(pattern, text.removesuffix("pixels").strip()):
-            if n := int(count(*map(int, found.groups()))):
+            if n := count(*map(int, found.groups())):
                 return n
     raise InputError(f"--budget: the size must be such as 128^2, 640x480 or 16384, got {text!r}")
