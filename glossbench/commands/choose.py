@@ -66,9 +66,8 @@ def choose(
     for remark in opened.remarks(cells):
         note(remark)
     rows = [parse_row(row) for row in cells.to_dict("records")]
-    first, *others = [
-        read_trials(rows, name, _count_pixels(opened, rows)) for name in _list_metrics(opened, cells, metric)
-    ]
+    pixels = _count_pixels(opened, rows)
+    first, *others = [read_trials(rows, name, pixels) for name in _list_metrics(opened, cells, metric)]
     if n_pixels and any(isnan(each.n_pixels) for each in first.conditions):
         raise InputError(f"{results} does not say how many pixels were timed: leave out ' at ' and the size")
     choices = find_choices(first, need, _select(first, anisotropic))

@@ -9,17 +9,16 @@ interval of the bootstrap over conditions (ranks.py) and that of the noise of th
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import exp, inf, isnan
+from math import exp, inf
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
 
 from glossbench.columns import CONDITIONS
-from glossbench.findings.costs import NEGLIGIBLE, read_named_cost
 from glossbench.findings.estimates import CONFIDENCE
 from glossbench.findings.ranks import Mean, average, draw_weights
-from glossbench.findings.trials import SPREAD, Configuration, Floats, Row, Trials, find_factor
+from glossbench.findings.trials import SPREAD, Configuration, Floats, Trials, find_factor
 
 LIGHT = CONDITIONS.index("light")
 
@@ -103,7 +102,7 @@ class Choices:
         return Mean(*(float(np.exp(each[choice.index])) for each in self._compare_all(other.index)))
 
     def is_better(self, choice: Choice, other: Choice) -> bool:
-        """Whether its error is lower with certainty."""
+        """Whether the 95 % interval of the ratio of their errors is below 1."""
         return bool(self._compare_all(other.index).high[choice.index] < 0)
 
     def find_front(self, cost: str) -> list[Choice]:
@@ -165,57 +164,34 @@ class _LogRatios(NamedTuple):
 def choose(trials: Trials, need: Need, places: Sequence[int] | None = None) -> Choices:
     """The configurations that can be compared under some conditions, by default under all."""
     at = list(range(len(trials.conditions))) if places is None else list(places)
+    shade, update = _measure_times(trials, need)
+    memory = trials.cost("memory")
     found, left_out = [], {}
-    for index, configuration in enumerate(trials.configurations):
-        reason = _find_obstacle(trials, configuration, need, at)
-        if reason:
-            left_out[configuration.name] = reason
+    for index, each in enumerate(trials.configurations):
+        missing = [n for n in at if not trials.done[index, n]]
+        if missing:
+            reason = each.reasons.get(missing[0], "no such cell")
+            left_out[each.name] = f"{len(missing)} of {len(at)} conditions have no image; {reason}"
+        elif np.isnan(shade[index, at]).any():
+            left_out[each.name] = "its shading time is not known"
+        elif np.isnan(update[index, at]).any():
+            left_out[each.name] = f"its update for a new {' and '.join(need.changes)} is not known"
         else:
-            found.append(_make_choice(trials, index, need, at))
+            slowest = at[int(np.argmax((shade + update)[index, at]))]
+            times = float(shade[index, slowest]), float(update[index, slowest])
+            is_stated = any(row.get("shade_runs") == 0 for n in at for row in each.cells[n])
+            found.append(Choice(index, each, *times, slowest, float(memory[index, at].max()), is_stated))
     found.sort(key=lambda choice: float(trials.log_errors[choice.index, at].mean()))
     return Choices(trials, need, at, found, left_out)
 
 
-def _find_obstacle(trials: Trials, configuration: Configuration, need: Need, places: Sequence[int]) -> str:
-    """Why a configuration cannot be compared; "" if it can."""
-    missing = [n for n in places if n not in configuration.cells]
-    if missing:
-        reason = configuration.reasons.get(missing[0], "no such cell")
-        return f"{len(missing)} of {len(places)} conditions have no image; {reason}"
-    rows = [row for n in places for row in configuration.cells[n]]
-    unknown = [cost for cost in ("shade", *need.changes) if any(isnan(read_named_cost(row, cost)) for row in rows)]
-    if unknown:
-        return (
-            "its shading time is not known"
-            if unknown[0] == "shade"
-            else f"its update for a new {unknown[0]} is not known"
-        )
-    return ""
+def _measure_times(trials: Trials, need: Need) -> tuple[Floats, Floats]:
+    """(shading, update) of each configuration under each condition [ms].
 
-
-def _make_choice(trials: Trials, index: int, need: Need, places: Sequence[int]) -> Choice:
-    configuration = trials.configurations[index]
-    times: list[tuple[float, float]] = []
-    for n in places:
-        rows, pixels = configuration.cells[n], trials.conditions[n].n_pixels
-        scale = 1.0 if need.n_pixels is None else need.n_pixels / pixels
-        shade = float(np.median([read_named_cost(row, "shade") for row in rows]))
-        times.append((scale * shade, float(np.median([_read_update(row, need.changes) for row in rows]))))
-    slowest = max(range(len(places)), key=lambda i: sum(times[i]))
-    rows = [row for n in places for row in configuration.cells[n]]
-    memory = max(read_named_cost(row, "memory") for row in rows)
-    is_stated = any(row.get("shade_runs") == 0 for row in rows)
-    return Choice(index, configuration, *times[slowest], places[slowest], memory, is_stated)
-
-
-def _read_update(row: Row, changes: Sequence[str]) -> float:
-    """Time of the stages that must be redone [ms].
-
-    For several changes it is an upper bound, because results do not say which stages two changes share.
+    For several changes the update is an upper bound, because results do not say which stages two changes share.
     """
-    if not changes:
-        return 0.0
-    parts = [read_named_cost(row, change) for change in changes]
-    stages = 1e3 * sum(row["stage_seconds"].values())
-    total = min(sum(parts), stages) if len(parts) > 1 else parts[0]
-    return 0.0 if total < NEGLIGIBLE[changes[0]] else total
+    shade = trials.cost("shade")
+    if need.n_pixels is not None:
+        shade = shade * need.n_pixels / np.array([each.n_pixels for each in trials.conditions])
+    update = np.array([trials.cost(change) for change in need.changes] or [0.0 * shade]).sum(axis=0)
+    return shade, np.minimum(update, trials.stages) if len(need.changes) > 1 else update

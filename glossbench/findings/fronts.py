@@ -8,11 +8,8 @@ are equal (identical images, or both below what the reference resolves) and A co
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glossbench.findings.trials import Floats, Order, Trials, find_factor
-
-Mask = NDArray[np.bool_]
+from glossbench.findings.trials import Floats, Mask, Order, Trials, find_factor
 
 
 def find_dominating(orders: Sequence[Order], cost: Floats, factor: float) -> Mask:

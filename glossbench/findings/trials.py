@@ -11,8 +11,8 @@ reference, or a set of seeds, that only one of the two has adds its own squares.
 Source: the jackknife and the degrees of freedom as in estimates.py, there for any number, here for logarithms.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -97,6 +97,7 @@ class Trials:
     metric: str
     configurations: Sequence[Configuration]
     conditions: Sequence[Condition]
+    _costs: dict[str, Floats] = field(default_factory=dict)
 
     @cached_property
     def done(self) -> Mask:
@@ -130,11 +131,27 @@ class Trials:
         return [self._measure_noise(n) for n in range(len(self.conditions))]
 
     def cost(self, name: str) -> Floats:
-        """A cost by its name in `COSTS` [ms or MB], like `log_errors`; 0 if it is negligible, NaN if it is unknown."""
+        """A cost by its name in `COSTS` [ms or MB], like `log_errors`; NaN if it is unknown.
+
+        An update or a memory that is negligible is 0.
+        """
+        if name not in self._costs:
+            found = self._read_each(lambda row: read_named_cost(row, name))
+            is_free = (found < NEGLIGIBLE[name]) & (name != "shade")
+            self._costs[name] = np.where(is_free, 0.0, found)
+        return self._costs[name]
+
+    @cached_property
+    def stages(self) -> Floats:
+        """Time of all stages [ms], like `log_errors`."""
+        return self._read_each(lambda row: 1e3 * sum(row["stage_seconds"].values()))
+
+    def _read_each(self, read: Callable[[Row], float]) -> Floats:
+        """A number of each configuration under each condition: the median over its seeds."""
         found = np.full(self.done.shape, np.nan)
         for c, n in np.argwhere(self.done):
-            found[c, n] = np.median([read_named_cost(row, name) for row in self.configurations[c].cells[n]])
-        return np.where(found < NEGLIGIBLE[name], 0.0, found)
+            found[c, n] = np.median([read(row) for row in self.configurations[c].cells[n]])
+        return found
 
     @cached_property
     def _shifts(self) -> dict[tuple[int, int], "_Shifts"]:

@@ -58,7 +58,9 @@ def _with_other_limits(choices: Choices, first: Choice | None) -> Iterator[Turn]
         sizes = f"{_round_up(each.milliseconds)} ms and {_round_up(each.megabytes)} MB"
         yield _turn(choices, f"with {sizes}", each, first)
     limited = ["ms", *(["MB"] if need.megabytes < inf else [])]
-    for unit in limited if first else ():
+    if first is None:
+        return
+    for unit in limited:
         smaller = [each for each in choices.fitting if _size(each, unit) < _size(first, unit)]
         if smaller:
             yield _turn(choices, f"with less than {_round(_size(first, unit))} {unit}", smaller[0], first)
@@ -94,7 +96,7 @@ def _by_metrics(choices: Choices, first: Choice | None, by_metric: Mapping[str, 
 
 
 def _find_other(other: Choices, first: Choice | None) -> Choice | None:
-    """The answer of other choices, if it is not the present one, or if it is certainly better."""
+    """The answer of other choices, if the present one does not fit, or is worse."""
     answer = next(iter(other.fitting), None)
     if answer is None or first is None:
         return answer

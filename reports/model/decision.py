@@ -1,6 +1,6 @@
 """The decision of a report: ranks of methods at equal budgets, Pareto fronts in numbers, and which method to take."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from glossbench.findings.costs import COSTS, NEGLIGIBLE
 from glossbench.findings.decisions import LIGHT, Choice, Choices, Need, choose
 from glossbench.findings.fronts import find_fronts
 from glossbench.findings.ranks import Mean, average, draw_weights, rank
-from glossbench.findings.trials import Floats, Trials
+from glossbench.findings.trials import Mask, Trials
 from glossbench.shading.method import CHANGES
 
 from ..style import format_number
@@ -111,18 +111,16 @@ def _list_times(choices: Choices) -> tuple[tuple[str, float], ...]:
 
 
 def _describe_splits(choices: Choices, step: Choice) -> str:
-    """Under which lights alone another choice of at most this time is certainly better, and which."""
-    conditions = choices.trials.conditions
+    """Under which lights alone another choice of at most this time is better, and which."""
+    lights = [each.names[LIGHT] for each in choices.trials.conditions]
     need = replace(choices.need, milliseconds=step.milliseconds)
     found: dict[str, list[str]] = {}
-    for light in dict.fromkeys(conditions[n].names[LIGHT] for n in choices.places):
-        places = [n for n in choices.places if conditions[n].names[LIGHT] == light]
-        own = choose(choices.trials, need, places) if len(places) < len(choices.places) else None
-        for other in own.fitting[:1] if own else ():
-            same = next((each for each in own.all if each.index == step.index), None) if own else None
-            if own and same and own.is_better(other, same):
-                found.setdefault(other.configuration.name, []).append(light)
-    return "; ".join(f"{_join(lights)}: {name}" for name, lights in found.items())
+    for light in dict.fromkeys(lights) if len(set(lights)) > 1 else ():
+        own = choose(choices.trials, need, [n for n in choices.places if lights[n] == light])
+        same = next(each for each in own.fitting if each.index == step.index)
+        if own.is_better(own.fitting[0], same):
+            found.setdefault(own.fitting[0].configuration.name, []).append(light)
+    return "; ".join(f"{_join(names)}: {name}" for name, names in found.items())
 
 
 def _make_rank_table(choices: Choices) -> Table:
@@ -133,7 +131,8 @@ def _make_rank_table(choices: Choices) -> Table:
     fronts = {cost: find_fronts(trials, cost) for cost in costs}
     weights = draw_weights(trials.conditions)
     parts = []
-    for budget in pick_evenly(budgets, MOST_BUDGETS) or [None]:
+    shown: list[float | None] = [*pick_evenly(budgets, MOST_BUDGETS)] or [None]
+    for budget in shown:
         own = [each for each in members if each.configuration.budget in (None, budget)]
         if len(own) > 1:
             title = f"budget {budget:g}" if budget is not None else ""
@@ -143,7 +142,9 @@ def _make_rank_table(choices: Choices) -> Table:
     return Table([Head("method", is_number=False)], heads, parts)
 
 
-def _list_ranks(choices: Choices, own: Sequence[Choice], ranks: Sequence[Mean], fronts: dict[str, Floats]) -> list[Row]:
+def _list_ranks(
+    choices: Choices, own: Sequence[Choice], ranks: Sequence[Mean], fronts: Mapping[str, Mask]
+) -> list[Row]:
     rows = []
     lowest, *others = sorted(ranks, key=lambda each: each.value)
     for each, mean in sorted(zip(own, ranks, strict=True), key=lambda pair: pair[1].value):
@@ -158,7 +159,7 @@ def _list_ranks(choices: Choices, own: Sequence[Choice], ranks: Sequence[Mean], 
     return rows
 
 
-def _describe_front(trials: Trials, is_on: Floats) -> Entry:
+def _describe_front(trials: Trials, is_on: Mask) -> Entry:
     """Under how many conditions a configuration is on a front; if not under all, under which lights it is."""
     n, of = int(is_on.sum()), len(is_on)
     if n in (0, of):
