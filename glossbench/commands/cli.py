@@ -14,6 +14,7 @@ from rich.text import Text
 
 from glossbench.commands import completion, data
 from glossbench.commands.arguments import StudyArgument
+from glossbench.commands.choose import choose
 from glossbench.commands.compare import EXIT_CODES, compare
 from glossbench.commands.compile import compile_kernels
 from glossbench.commands.consoles import escape_controls, open_streams
@@ -129,6 +130,7 @@ def schema() -> None:
 app.command(name="compile")(compile_kernels)
 app.command()(info)
 app.command()(figure)
+app.command()(choose)
 app.command()(findings)
 app.command(epilog=EXIT_CODES)(compare)
 app.command(name="light")(describe_light)

@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from glossbench.findings.costs import COSTS
+
 from ..figure import FIGURES, Figure
 from ..model.axes import Place, Sweep
-from ..model.lines import COSTS
 from ..model.options import AxisOption, MetricOption, Option, PlaceOption
 from ..model.panels import Panels
 from ..model.plots import has_cost, plot_against_cost, plot_by_method

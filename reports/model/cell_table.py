@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from glossbench.columns import read_cost
 from glossbench.findings.columns import Column
 from glossbench.findings.estimates import Estimate
+from glossbench.shading.method import CHANGES
 from glossbench.study.labels import format_options, read_budget
 
 from ..style import format_number, format_whole
@@ -17,7 +18,6 @@ from .report import Report
 from .table import Entry, Head, Part, Row, Table
 from .times import format_spread
 
-CHANGES = ("light", "material", "geometry", "view")
 # The columns that most readers look for, in this order and with these short names; the other counts and costs follow.
 LAYOUT = {
     "n_samples": "samples", "shade_seconds": "shade", "stage_seconds": "stages", "update_seconds": "update",

@@ -8,22 +8,14 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from glossbench.columns import COLUMNS, read_cost
+from glossbench.findings.costs import COSTS, read_named_cost
 from glossbench.findings.estimates import Estimate, estimate_metric
 
 from .axes import Label, Place
 from .conditions import Cell, Group
 from .panels import Axis, Floats, Mask
 
-_UPDATE = COLUMNS["update_seconds"]
-COSTS = {
-    "shade": COLUMNS["shade_seconds"].heading,
-    **{change: f"update for a new {change} [{_UPDATE.unit}]" for change in ("light", "material", "geometry", "view")},
-    "memory": COLUMNS["state_bytes"].heading,
-}
 Row = Mapping[str, Any]
-# Lower costs, in the same units, are calls of empty stages; a plot of such costs alone is not drawn.
-NEGLIGIBLE = {cost: 1e-6 if cost == "memory" else 0.01 for cost in COSTS}
 CONFIDENCE = 0.95
 
 
@@ -108,7 +100,7 @@ def measure_lines(
                 place.sweep.labels[points[0][0]["key"]],
                 np.array([place.sweep.value(point[0]) for point in points], float),
                 {
-                    cost: np.array([sum(_read_cost(row, cost) for row in point) / len(point) for point in points])
+                    cost: np.array([sum(read_named_cost(row, cost) for row in point) / len(point) for point in points])
                     for cost in COSTS
                 },
                 errors,
@@ -179,15 +171,6 @@ def _read_interval(found: Sequence[Estimate], is_log: bool) -> tuple[Floats, Flo
     ratio = np.divide(half, size, out=np.zeros_like(half), where=size > 0)
     factor = np.exp(np.minimum(ratio, 30.0))  # beyond every axis
     return size / factor, size * factor
-
-
-def _read_cost(row: Mapping[str, Any], cost: str) -> float:
-    if cost in ("shade", "memory"):
-        column, part = COLUMNS["shade_seconds" if cost == "shade" else "state_bytes"], ""
-    else:
-        column, part = _UPDATE, cost
-    value = read_cost(row, column.name, part)
-    return float("nan") if value is None else column.scale * value
 
 
 def _average(values: Sequence[Sequence[float]], is_log: bool) -> tuple[Floats, tuple[Floats, Floats] | None]:

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from glossbench.errors import InputError, suggest_nearest
+from glossbench.findings.costs import COSTS
 
 from .axes import Place, Sweep, find_named, with_costs
 from .conditions import Group
 from .crops import Crop
-from .lines import COSTS
 from .report import Report
 
 

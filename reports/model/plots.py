@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from glossbench.findings.costs import COSTS, NEGLIGIBLE
+
 from .axes import SAMPLES, Place
-from .lines import COSTS, NEGLIGIBLE, MeasuredLine, find_front, make_axis
+from .lines import MeasuredLine, find_front, make_axis
 from .panels import Axis, Floats, Line, Panel, SideNumber
 
 

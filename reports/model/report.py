@@ -10,9 +10,11 @@ import pandas
 from glossbench.columns import parse_row
 from glossbench.findings.citations import Citation, collect_citations_of_sources
 from glossbench.findings.columns import Column, collect_columns, make_metric_column
+from glossbench.findings.decisions import Choices, Need, choose
 from glossbench.findings.descriptions import Descriptions, describe
 from glossbench.findings.estimates import Estimate, estimate_metric
 from glossbench.findings.legends import explain_table, explain_verdicts
+from glossbench.findings.trials import read_trials
 from glossbench.metrics import METRICS
 from glossbench.run.results import Results
 from glossbench.study.registries import REGISTRIES
@@ -59,6 +61,7 @@ class Report:
     _places: dict[str, list[Place]] = field(default_factory=dict)
     _estimates: dict[tuple[str, str], Estimate] = field(default_factory=dict)
     _lines: dict[tuple[int, str], list[MeasuredLine]] = field(default_factory=dict)
+    _choices: dict[str, Choices] = field(default_factory=dict)
 
     @classmethod
     def from_results(cls, results: Results) -> "Report":
@@ -119,6 +122,12 @@ class Report:
         if key not in self._estimates:
             self._estimates[key] = estimate_metric(row, metric)
         return self._estimates[key]
+
+    def choices(self, metric: str) -> Choices:
+        """The configurations that can be compared over all conditions, by a metric."""
+        if metric not in self._choices:
+            self._choices[metric] = choose(read_trials(self.rows, metric), Need())
+        return self._choices[metric]
 
     @cached_property
     def sole_method(self) -> str:

@@ -18,6 +18,7 @@ from .. import style
 from ..model.answer import draw_answer
 from ..model.cell_table import list_costs, list_counts, list_errors, make_cell_table, make_stage_table
 from ..model.conditions import Group
+from ..model.decision import RANKS, decide
 from ..model.descriptions import INSTALLED, MethodText, define_metrics, describe_methods
 from ..model.facts import list_provenance, without_image
 from ..model.notation import split_runs
@@ -72,6 +73,8 @@ def write_report(where: Path | str) -> Path | str:
             missing=without_image(report),
             viewer=viewer,
             answer=_draw_answer(report),
+            decision=decide(report),
+            ranks_explained=RANKS,
             plots=plot_data(report),
             sheets=_make_sheets(results, report.groups),
             patterns=make_pattern_tiles(results, report.groups),

@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 from matplotlib.figure import Figure
 
+from glossbench.findings.costs import COSTS
 from glossbench.run.figures import FIGURES
 from glossbench.run.results import Results
 from glossbench.study.labels import format_options
@@ -15,7 +16,6 @@ from glossbench.study.labels import format_options
 from ..model.axes import FEWEST, SAMPLES, Place, Sweep, with_costs
 from ..model.descriptions import INSTALLED, MethodText, define_metrics, describe_methods
 from ..model.facts import MissingCell, compose_headline, list_provenance, without_image
-from ..model.lines import COSTS
 from ..model.notation import split_runs
 from ..model.panels import Panels, select_shown
 from ..model.report import Report
@@ -23,7 +23,7 @@ from ..model.selection import MOST_PICTURES, choose_cells, choose_middle_budgets
 from ..typesetting import Press
 from .images import PrintedGroup, choose_best_few
 from .plots import draw, select_comparable, split_facets
-from .tables import make_cost_table, make_error_tables, print_claim, print_equal, print_references
+from .tables import make_cost_table, make_error_tables, print_claim, print_decision, print_equal, print_references
 
 MOST_WITHOUT = 100  # cells without an image that are listed one by one
 MANY_CELLS = 60  # with more, the tables of all cells move to the appendix
@@ -55,6 +55,7 @@ def write_report(where: Path | str) -> Path | str:
             "table_words": _to_words(report.table_words),
             "method": report.sole_method,
             "answer": answer,
+            "decision": print_decision(report),
             "errors": errors,
             "more_errors": more_errors,
             "tables_last": len(report.rows) > MANY_CELLS,
@@ -120,7 +121,7 @@ def _arrange_plots(report: Report, press: Press) -> tuple[list[dict[str, Any]], 
     parameters = [each for each in report.axes.values() if each.kind and each.n_values >= FEWEST and each is not first]
     # One figure after the other: many at once need a GB.
     swept = (each for axis in (first, *parameters) for each in _plot_over_axis(report, axis))
-    shown = chain(swept, _plot_at(report, places, of))
+    shown = chain(swept, _plot_at(report, places, of), _plot_over_all(report, axis))
     few = pick_evenly(later, MOST_LATER)
     of_later = f", one of {len(few)} of {len(later)} conditions; the page has all" if len(few) < len(later) else ""
     return _print_figures(shown, press), _print_figures(_plot_at(report, few, of_later), press)
@@ -146,12 +147,25 @@ def _plot_at(report: Report, places: Sequence[Place], of: str = "") -> Iterator[
     """All figures of a metric at each place, side by side, except convergence over other sweeps than samples."""
     for place in places:
         is_above = place.sweep.name != SAMPLES
-        names = [name for name in FIGURES.names() if not (is_above and name == "convergence")]
+        names = [name for name in _list_figures("group") if not (is_above and name == "convergence")]
         drawn = [_make_panels(name, report, metric=report.metrics[0], over=place.sweep, group=place) for name in names]
         panels = select_shown([panel for each in drawn for panel in select_comparable(each.panels)])
         if panels:
             titles = dict.fromkeys(each.title for each in drawn if any(panel in panels for panel in each.panels))
             yield draw(panels), f"{place.title}{of}: {report.metrics[0]} {' and '.join(titles)}"
+
+
+def _plot_over_all(report: Report, axis: Sweep) -> Iterator[Titled]:
+    """Each figure of a metric that needs no place."""
+    for name in [name for name in FIGURES.names() if name not in _list_figures("group")]:
+        drawn = _make_panels(name, report, metric=report.metrics[0], over=axis)
+        if panels := select_comparable(drawn.panels):
+            yield draw(panels), f"{report.metrics[0]} {drawn.title}"
+
+
+def _list_figures(option: str) -> list[str]:
+    """The figures that have an option."""
+    return [name for name in FIGURES.names() if option in FIGURES.get(name).options]
 
 
 def _make_panels(name: str, report: Report, **given: Any) -> Panels:

@@ -156,16 +156,21 @@ def _draw(ax: Axes, panel: Panel) -> None:
 
 
 def _draw_front(ax: Axes, panel: Panel) -> None:
-    """Stairs through the points of the Pareto front."""
+    """Rings around the points of the Pareto front, and stairs through those that no other is below."""
     points = sorted(
         (x, y)
         for line, mask in zip(panel.lines, panel.fronts, strict=bool(panel.fronts))
         for x, y in zip(line.x[mask], line.y[mask], strict=True)
         if x > 0
     )
-    if len(points) > 1:
-        x, y = zip(*points, strict=True)
-        ax.step(x, y, where="post", **FRONT, alpha=0.7, zorder=1.5)
+    if points:
+        ax.plot(*zip(*points, strict=True), ls="", marker="o", mfc="none", mec=INK, mew=0.5, ms=7.5, alpha=0.7)
+    is_lower, corners = panel.y.is_log, points[:1]
+    for x, y in points[1:]:
+        if (y < corners[-1][1]) if is_lower else (y > corners[-1][1]):
+            corners.append((x, y))
+    if len(corners) > 1:
+        ax.step(*zip(*corners, strict=True), where="post", **FRONT, alpha=0.7, zorder=1.5)
 
 
 def _explain(panels: Sequence[Panel], left_out: int) -> list[Artist]:

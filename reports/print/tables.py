@@ -4,7 +4,10 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any
 
-from ..model.cell_table import CHANGES, list_costs, list_counts, list_errors, make_cell_table, without_notes
+from glossbench.shading.method import CHANGES
+
+from ..model.cell_table import list_costs, list_counts, list_errors, make_cell_table, without_notes
+from ..model.decision import RANKS, decide
 from ..model.equal import EqualTables
 from ..model.report import Report
 from ..model.table import Row, Table
@@ -81,25 +84,40 @@ def print_claim(claim: Mapping[str, Any]) -> dict[str, Any]:
     return _print_table(table, f"{claim['text']}: {claim['verdict']}.", "cases: all are in claims.json")
 
 
+def print_decision(report: Report) -> list[dict[str, Any]]:
+    """Which method to take, and ranks with fronts; nothing if no two methods can be compared."""
+    if (found := decide(report)) is None:
+        return []
+    return [_print_table(found.table, found.explained, "choices"), _print_table(found.ranks, RANKS, "configurations")]
+
+
 def _limit_rows(report: Report) -> int:
     return max(FEWEST_ROWS, MOST_ROWS // max(1, len(report.groups)))
 
 
 def _print_table(table: Table, caption: str, more: str, sole_method: str = "") -> dict[str, Any]:
     """The data for the template; if there is only one method, it is the head of the column of options."""
-    heads = [{"title": f"new\n{head.title}" if head.group else head.title, "unit": head.unit} for head in table.heads]
+    heads = [
+        {
+            "title": f"{head.group.split(', ')[-1]}\n{head.title}" if head.group else head.title,
+            "unit": head.unit,
+            "is_number": head.is_number,
+        }
+        for head in table.heads
+    ]
     groups = []
     for part in table.parts:
         rows = [_print_row(row, sole_method) for row in part.rows]
         if part.left_out:
             rows.append({"name": "…", "options": "", "outcome": f"and {part.left_out} more {more}"})
         groups.append({"title": part.title, "rows": rows})
-    first = {"title": sole_method or table.names[0].title, "unit": ""}
+    first = {"title": sole_method or table.names[0].title, "unit": "", "is_number": False}
     return {"caption": caption, "columns": [first, *heads], "groups": groups}
 
 
 def _print_row(row: Row, sole_method: str) -> dict[str, Any]:
-    name, options = row.names[0], row.cell.options if row.cell else ""
+    name = row.names[0]
+    options = row.cell.options if row.cell and name == row.cell.row["method"] else ""
     if sole_method and options:
         name, options = options, ""
     if row.outcome:

@@ -150,7 +150,8 @@ function intervalOf(line, i, [x, y], { at }, isAcross, area) {
   return svgElement("path", { class: "interval", d: isAcross ? `M${from} ${y}H${to}` : `M${x} ${from}V${to}`, stroke: line.colour });
 }
 
-// The Pareto front of all lines: stairs through those of its points that are shown, and a ring around each.
+// The Pareto front of all lines: a ring around each of its points that is shown, and stairs through those that no other
+// is below. Points above the stairs are on the front because noise leaves open whether they are better.
 function frontOf(panel, lines, place, indices) {
   const points = panel.fronts
     .map(([line, i]) => [panel.lines[line], i])
@@ -158,8 +159,14 @@ function frontOf(panel, lines, place, indices) {
     .map(([line, i]) => place(line, i).map((v) => v.toFixed(1)))
     .sort((a, b) => a[0] - b[0] || b[1] - a[1]);
   if (!points.length) return [];
-  const steps = points.slice(1).map(([px, py]) => `H${px}V${py}`);
-  const stairs = svgElement("path", { class: "front", d: `M${points[0].join(" ")}${steps.join("")}` });
+  let best = panel.y.isLog ? -Infinity : Infinity;
+  const corners = points.filter(([, py]) => {
+    if (panel.y.isLog ? py <= best : py >= best) return false;
+    best = Number(py);
+    return true;
+  });
+  const steps = corners.slice(1).map(([px, py]) => `H${px}V${py}`);
+  const stairs = svgElement("path", { class: "front", d: `M${corners[0].join(" ")}${steps.join("")}` });
   const rings = points.map(([cx, cy]) => svgElement("circle", { class: "front", cx, cy, r: 1.9 * SIZE }));
   return [stairs, ...rings];
 }

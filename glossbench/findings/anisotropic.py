@@ -1,0 +1,24 @@
+"""Anisotropic materials among the conditions of results."""
+
+import json
+from functools import cache
+
+from glossbench.brdf.material import MATERIALS
+from glossbench.columns import CONDITIONS
+from glossbench.findings.trials import Condition
+from glossbench.prefilter.lighting_function import anisotropy
+
+
+def is_anisotropic(condition: Condition) -> bool:
+    """Whether the BRDF of a condition's material changes if both directions turn about the normal.
+
+    Raises:
+        InputError: the material is not installed here, or its file is missing.
+    """
+    return _is_anisotropic(condition.keys[CONDITIONS.index("material")])
+
+
+@cache
+def _is_anisotropic(material: str) -> bool:
+    name, options = json.loads(material)
+    return anisotropy(MATERIALS.create(name, options)) is not None
