@@ -57,7 +57,7 @@ class Attempt:
         if not self._is_ours:
             self._is_ours = True
             mark: dict[str, Any] = {"times": self.ended + 1, "host": socket.gethostname(), "pid": os.getpid()}
-            self._store.put(self._name, json.dumps(mark).encode())
+            self._store.put(self._name, json.dumps(mark).encode(), lasts=False)
 
     def end(self) -> None:
         """Remove the mark: the work has ended, with or without success, and the process still runs."""

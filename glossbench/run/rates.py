@@ -5,7 +5,6 @@ that of a reference its pixels. Bytes on disk and in memory are a + b * pixels. 
 relative squares over the last measurements.
 """
 
-import sys
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -19,7 +18,8 @@ import scipy
 from glossbench.atomic import replacing
 from glossbench.catalog.folders import cache_folder
 from glossbench.errors import InputError
-from glossbench.scene.points import View
+from glossbench.memory import read_peak
+from glossbench.scene.points import BYTES_A_PIXEL, View
 from glossbench.shading.method import find_budget_option
 from glossbench.strict_json import seal, unseal
 from glossbench.study.cells import Cell, to_text
@@ -59,7 +59,7 @@ def measure_reference(cell: Cell, options: ReferenceOptions, seconds: float, n_b
 def measure_memory(cells: Iterable[Cell]) -> Spent:
     """The most memory that this process has taken, by the largest view of its cells."""
     pixels = max(count_pixels(cell.view) for cell in cells)
-    return Spent("memory", pixels, pixels, 0.0, _read_peak())
+    return Spent("memory", pixels, pixels, 0.0, read_peak())
 
 
 def remember(spent: Sequence[Spent]) -> None:
@@ -119,14 +119,33 @@ def predict_memory(cells: Sequence[Cell]) -> float | None:
     return _fit([(p, n) for _, p, _, n in known], largest) if known and largest else None
 
 
-def check_fits(cells: Sequence[Cell], n_processes: int, bound: int) -> None:
-    """InputError if so many processes are predicted to take more memory than the bound [bytes]."""
-    peak = predict_memory(cells)
-    if peak is not None and n_processes * peak > bound:
+def check_fits(cells: Sequence[Cell], n_processes: int, stated: int | None, of_machine: int | None) -> None:
+    """InputError if so many processes take more memory than they may.
+
+    What is predicted must fit into what a study states. Predictions may be wrong, so the machine's own memory bounds
+    only what is needed at least.
+
+    Args:
+        stated: in the study [bytes].
+        of_machine: the memory of the machine [bytes].
+    """
+    processes = f"{n_processes} process{'es' if n_processes > 1 else ''}"
+    if stated is not None and n_processes * (peak := predict_memory(cells) or 0) > stated:
         raise InputError(
-            f"this run needs about {n_processes * peak / 1e9:.1f} GB of memory for {n_processes} "
-            f"process{'es' if n_processes > 1 else ''}, and the study allows {bound / 1e9:.1f} GB (memory)"
+            f"this run needs about {n_processes * peak / 1e9:.1f} GB of memory for {processes}, and the study allows "
+            f"{stated / 1e9:.1f} GB (memory)"
         )
+    if of_machine is not None and (least := n_processes * _find_least_memory(cells)) > of_machine:
+        raise InputError(
+            f"this run needs at least {least / 1e9:.1f} GB of memory for {processes}, and this machine has "
+            f"{of_machine / 1e9:.1f} GB"
+        )
+
+
+def _find_least_memory(cells: Sequence[Cell]) -> float:
+    """Bytes that one process needs at least: the largest view, and the smallest rest that was ever measured."""
+    rest = min((n - BYTES_A_PIXEL * p for p, _, _, n in _read().get("memory", ())), default=0.0)
+    return max(rest, 0.0) + BYTES_A_PIXEL * max((count_pixels(cell.view) for cell in cells), default=0)
 
 
 def _work(cell: Cell) -> float:
@@ -159,12 +178,3 @@ def _read() -> dict[str, list[list[float]]]:
 
 def _file() -> Path:
     return cache_folder() / "rates.json"
-
-
-def _read_peak() -> int:
-    try:
-        import resource
-    except ImportError:  # Windows
-        return 0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else 1024 * peak
