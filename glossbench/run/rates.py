@@ -1,8 +1,9 @@
 """What a run will cost in time, memory and disk, from what earlier runs of this user measured.
 
-A time is a + b * work, with a and b not negative. The work of a cell is its pixels times the budget of its method,
-that of a reference its pixels. Bytes on disk and in memory are a + b * pixels. a and b are those with the least
-relative squares over the last measurements.
+A time is a + b * pixels + c * work, with no negative coefficient: what each cell takes, its metrics, and its shading.
+The work of a cell is its pixels times the budget of its method, that of a reference its pixels. Bytes on disk and in
+memory are a + b * pixels. The coefficients are those with the least relative squares over the last measurements; what
+these do not tell apart, such as a and b after views of one size, is shared equally.
 """
 
 from collections import defaultdict
@@ -107,8 +108,8 @@ def predict(cells: Sequence[Cell], options: ReferenceOptions) -> Prediction:
             n_unknown += 1
             first = kind.partition(" ")[0]
             alike = [each for other, found in known.items() if other.startswith(f"{first} ") for each in found]
-        seconds += _fit([(w, s) for w, _, s, _ in alike], work)
-        disk += _fit([(p, n) for _, p, _, n in alike], pixels)
+        seconds += _fit([(s, p, w) for w, p, s, _ in alike], pixels, work)
+        disk += _fit([(n, p) for _, p, _, n in alike], pixels)
     return Prediction(seconds, disk, predict_memory(cells), n_unknown)
 
 
@@ -116,7 +117,7 @@ def predict_memory(cells: Sequence[Cell]) -> float | None:
     """The most memory that one process will take [bytes]; None if none was measured."""
     known = _read().get("memory")
     largest = max((count_pixels(cell.view) for cell in cells), default=0)
-    return _fit([(p, n) for _, p, _, n in known], largest) if known and largest else None
+    return _fit([(n, p) for _, p, _, n in known], largest) if known and largest else None
 
 
 def check_fits(cells: Sequence[Cell], n_processes: int, stated: int | None, of_machine: int | None) -> None:
@@ -157,15 +158,23 @@ def _name_reference(cell: Cell, options: ReferenceOptions) -> str:
     return f"reference {cell.material.name} {options.method} {options.relative_error:g}"
 
 
-def _fit(measured: Sequence[tuple[float, float]], work: float) -> float:
-    """a + b * work, of least relative squares; 0 without a measurement."""
-    found = np.array([(w, value) for w, value in measured if value > 0], float)
+def _fit(measured: Sequence[tuple[float, ...]], *at: float) -> float:
+    """The value at some variables: a constant and a multiple of each, of least relative squares; 0 if none is measured.
+
+    Args:
+        measured: values, each followed by its variables.
+    """
+    found = np.array([each for each in measured if each[0] > 0], float)
     if not len(found):
         return 0.0
-    w, value = found.T
-    scale = w.max()
-    (a, b), _ = scipy.optimize.nnls(np.stack([1 / value, w / scale / value], axis=1), np.ones(len(value)))
-    return float(a + b * work / scale)
+    values, variables = found[:, 0], found[:, 1:]
+    scale = np.maximum(variables.max(axis=0), 1)
+    terms = np.column_stack([np.ones(len(values)), variables / scale])
+    # The last rows keep the coefficients small where the measurements leave them open.
+    small = 1e-4 / np.median(values) * np.eye(terms.shape[1])
+    wanted = np.concatenate([np.ones(len(values)), np.zeros(len(small))])
+    coefficients, _ = scipy.optimize.nnls(np.concatenate([terms / values[:, None], small]), wanted)
+    return float(coefficients @ [1, *(np.array(at) / scale)])
 
 
 def _read() -> dict[str, list[list[float]]]:

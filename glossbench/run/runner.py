@@ -87,7 +87,7 @@ def run_study(
     executor = Executor(study, results, progress, use_cache, fail_fast)
     progress.doing("lights")
     own = _identify_own(cells, executor, again)
-    kept = {i for i, each in own.items() if use_cache and not rerun_failed and results.has_cell(each.key)}
+    kept = {i for i, each in own.items() if use_cache and not rerun_failed and executor.keys.is_stored(each.key)}
     new = [cell for i, cell in enumerate(cells) if i not in kept]
     is_here = dask is None or n_local > 0
     check_fits(new, max(1, n_local), study.memory, read_capacity() if is_here else None)

@@ -1,7 +1,7 @@
 """How near the prediction of `glossbench run --dry-run` comes to what a run takes.
 
 Installed studies are cut to a few cells. All are run with small views, from which rates are learned; then each is
-predicted with views of nine times the pixels, and run. All times are of the processor, so that other work on the
+predicted with views of seven times the pixels, and run. All times are of the processor, so that other work on the
 machine does not count.
 
 PYTHONPATH=tests python tests/oracles/predictions.py FOLDER [STUDY ...]
@@ -24,7 +24,7 @@ STUDIES = (
     "quickstart", "anisotropy_today", "engines", "visible_normals", "suns", "lod_bias_presets", "occlusion_quickstart",
     "filtered_importance_sampling_figure_3", "filtered_importance_sampling_figure_6", "regular_sampling_figure_4_5",
 )  # fmt: skip
-SMALL, LARGE, LIGHT = 32, 96, 64  # resolutions
+SMALL, LARGE, LIGHT = 24, 64, 64  # resolutions
 N_METHODS, N_MATERIALS = 6, 2
 FACTOR = 2.0
 
