@@ -2,8 +2,8 @@
 
 A time is a + b * pixels + c * work, with no negative coefficient: what each cell takes, its metrics, and its shading.
 The work of a cell is its pixels times the budget of its method, that of a reference its pixels. Bytes on disk and in
-memory are a + b * pixels. The coefficients are those with the least relative squares over the last measurements; what
-these do not tell apart, such as a and b after views of one size, is shared equally.
+memory are a + b * pixels. The coefficients are those with the least relative squares over the last measurements. What
+these do not tell apart, a and b after views of one size, is shared equally, or for memory is a.
 """
 
 from collections import defaultdict
@@ -117,7 +117,7 @@ def predict_memory(cells: Sequence[Cell]) -> float | None:
     """The most memory that one process will take [bytes]; None if none was measured."""
     known = _read().get("memory")
     largest = max((count_pixels(cell.view) for cell in cells), default=0)
-    return _fit([(n, p) for _, p, _, n in known], largest) if known and largest else None
+    return _fit([(n, p) for _, p, _, n in known], largest, is_constant=True) if known and largest else None
 
 
 def check_fits(cells: Sequence[Cell], n_processes: int, stated: int | None, of_machine: int | None) -> None:
@@ -158,11 +158,12 @@ def _name_reference(cell: Cell, options: ReferenceOptions) -> str:
     return f"reference {cell.material.name} {options.method} {options.relative_error:g}"
 
 
-def _fit(measured: Sequence[tuple[float, ...]], *at: float) -> float:
+def _fit(measured: Sequence[tuple[float, ...]], *at: float, is_constant: bool = False) -> float:
     """The value at some variables: a constant and a multiple of each, of least relative squares; 0 if none is measured.
 
     Args:
         measured: values, each followed by its variables.
+        is_constant: what the measurements leave open belongs to the constant; otherwise it is shared equally.
     """
     found = np.array([each for each in measured if each[0] > 0], float)
     if not len(found):
@@ -172,6 +173,7 @@ def _fit(measured: Sequence[tuple[float, ...]], *at: float) -> float:
     terms = np.column_stack([np.ones(len(values)), variables / scale])
     # The last rows keep the coefficients small where the measurements leave them open.
     small = 1e-4 / np.median(values) * np.eye(terms.shape[1])
+    small[0] *= not is_constant
     wanted = np.concatenate([np.ones(len(values)), np.zeros(len(small))])
     coefficients, _ = scipy.optimize.nnls(np.concatenate([terms / values[:, None], small]), wanted)
     return float(coefficients @ [1, *(np.array(at) / scale)])
