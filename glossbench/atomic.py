@@ -7,6 +7,7 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from threading import current_thread, main_thread
@@ -19,11 +20,14 @@ _PART = re.compile(r"\.glossbench-([0-9a-f]{12})-(\d{1,10})-[0-9a-f]{32}(\.\w{1,
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, lasts: bool = True) -> Iterator[Path]:
     """A temporary path to write to. It replaces `path` when the block succeeds, so `path` is never half-written.
 
     The data are on the disk before the file gets its name, so a power failure leaves either the old file or the new.
     Within the block, a signal that asks the process to end raises KeyboardInterrupt, and the temporary file is removed.
+
+    Args:
+        lasts: False does not wait for the disk: a power failure soon after may leave a file that is not whole.
 
     Raises:
         WriteError: the disk is full, or the folder does not exist or cannot be written.
@@ -34,10 +38,12 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         with interrupted_by_signals():
             yield part
-        _to_disk(part)
+        if lasts:
+            _to_disk(part)
         os.replace(part, path)
-        with suppress(OSError):  # some systems cannot open a folder
-            _to_disk(path.parent)
+        if lasts:
+            with suppress(OSError):  # some systems cannot open a folder
+                _to_disk(path.parent)
     except OSError as error:
         raise WriteError(path, error.strerror or str(error)) from error
     finally:
@@ -94,6 +100,7 @@ def _is_abandoned(part: Path) -> bool:
     return False
 
 
+@cache
 def identify_machine() -> str:
     """Hash of the place in which process ids are unique: this start of this machine, and this container."""
     known = [socket.gethostname()]

@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -33,18 +34,39 @@ def read_available() -> int | None:
     It is the minimum of the memory that the machine has free or can free, of the memory that the control groups leave
     (containers, batch systems), and of the address space that its limit leaves (ulimit -v).
     """
-    return min((*_read_machine(), *_read_control_groups(), *_read_address_space()), default=None)
+    left = (limit - used for limit, used in _read_control_groups())
+    return min((*_read_machine("MemAvailable"), *left, *_read_address_space()), default=None)
 
 
-def _read_machine() -> Iterator[int]:
+def read_capacity() -> int | None:
+    """Bytes of memory for all processes of a run together, if nothing else uses any; None if the system does not say.
+
+    It is the minimum of the memory of the machine and of the limits of the control groups.
+    """
+    limits = (limit for limit, _ in _read_control_groups())
+    return min((*_read_machine("MemTotal"), *limits), default=None)
+
+
+def read_peak() -> int:
+    """The most bytes of memory that this process has taken; 0 if the system does not say."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def _read_machine(line: str) -> Iterator[int]:
+    """A line of the system's account of memory [bytes]; if there is none, all memory."""
     lines = _read_lines(Path("/proc/meminfo"))
-    yield from (1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
+    yield from (1024 * int(each.split()[1]) for each in lines if each.startswith(f"{line}:"))
     if not lines and "SC_PHYS_PAGES" in getattr(os, "sysconf_names", ()):
         yield os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
-def _read_control_groups() -> Iterator[int]:
-    """Bytes that each control group of this process leaves, for versions 1 and 2 of control groups."""
+def _read_control_groups() -> Iterator[tuple[int, int]]:
+    """Limit and used bytes of each control group of this process, for versions 1 and 2 of control groups."""
     for line in _read_lines(Path("/proc/self/cgroup")):
         _, controllers, path = line.split(":", 2)
         if controllers not in ("", "memory"):
@@ -62,7 +84,7 @@ def _read_control_groups() -> Iterator[int]:
                         for each in _read_lines(folder / "memory.stat")
                         if each.split()[0] == "inactive_file"
                     )
-                    yield int(limit) - int(used) + cached
+                    yield int(limit), int(used) - cached
 
 
 def _read_address_space() -> Iterator[int]:

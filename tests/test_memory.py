@@ -14,7 +14,7 @@ from glossbench.envmap.formats import dds, hdr, pfm
 from glossbench.envmap.formats.files import read_file
 from glossbench.envmap.lights.file_light import make_light
 from glossbench.errors import InputError
-from glossbench.memory import check_memory, read_available
+from glossbench.memory import check_memory, read_available, read_capacity
 from glossbench.scene.mesh_view import MeshView
 from glossbench.scene.sphere import Sphere
 from glossbench.scene.virtual_cube import VirtualCube
@@ -115,6 +115,7 @@ def test_the_smallest_limit_counts(monkeypatch, tmp_path):
     monkeypatch.setattr(memory, "_read_lines", lambda p: ["0::/a/b"] if p.name == "cgroup" else lines(p))
 
     assert read_available() == 5000 - 3000 + 500
+    assert read_capacity() == 5000
 
 
 def test_a_limit_on_the_address_space_counts():

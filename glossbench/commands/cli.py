@@ -159,12 +159,17 @@ def check_method(
 
 
 @app.command()
-def bench() -> None:
+def bench(
+    scale: Annotated[
+        bool, typer.Option("--scale", help="Measure runs: the time of a cell, two workers, the memory of 5,000 cells.")
+    ] = False,
+) -> None:
     """Measure this machine: the shading kernel, eager and fused, and pyramids, compared with a copy of their cube."""
     from glossbench.commands.bench import measure
+    from glossbench.commands.bench_scale import measure_scale
 
     table = Table("what", "value", "ratio", box=None, pad_edge=False)
-    for line in measure(lambda text: err.print(f"{text} ...", style="dim")):
+    for line in (measure_scale if scale else measure)(lambda text: err.print(f"{text} ...", style="dim")):
         table.add_row(line.what, line.value, line.ratio)
     out.print(table)
 

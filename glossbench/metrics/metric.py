@@ -107,7 +107,8 @@ METRICS: Registry[Metric] = Registry("metric", "glossbench.metrics", "glossbench
 def _prepare_images(image: RadianceImage, truth: RadianceImage) -> tuple[Colours, Colours, Masked]:
     """Image and reference in double precision, zero outside their mask, and the mask; InputError if they do not fit."""
     for which, given in {"image": image, "truth": truth}.items():
-        if not isinstance(given, RadianceImage):
+        # isinstance of a protocol takes 20 us, and a cell is compared nine times.
+        if getattr(given, "radiance", None) is None or getattr(given, "mask", None) is None:
             raise InputError(
                 f"metric(image, truth): {which} must have radiance and mask, got {describe_wrong_value(given)}"
             )

@@ -21,13 +21,14 @@ class Attempt:
         store: where the results lie.
         key: the key of the work.
         tries: how often the work may end the process before it is passed over.
+        marks: the names in the folder of marks, if they are known: what is not there is not read.
     """
 
-    def __init__(self, store: Store, key: str, tries: int = TRIES) -> None:
+    def __init__(self, store: Store, key: str, tries: int = TRIES, marks: frozenset[str] | None = None) -> None:
         self._store, self._name = store, f"{FOLDER}/{key}.begun"
         self._tries = tries
         self._is_ours = False
-        self.ended = self._count_before()
+        self.ended = self._count_before() if marks is None or self._name in marks else 0
 
     def _count_before(self) -> int:
         """How often the process ended during this work; 0 if another run is doing it now."""
@@ -57,7 +58,7 @@ class Attempt:
         if not self._is_ours:
             self._is_ours = True
             mark: dict[str, Any] = {"times": self.ended + 1, "host": socket.gethostname(), "pid": os.getpid()}
-            self._store.put(self._name, json.dumps(mark).encode())
+            self._store.put(self._name, json.dumps(mark).encode(), lasts=False)
 
     def end(self) -> None:
         """Remove the mark: the work has ended, with or without success, and the process still runs."""

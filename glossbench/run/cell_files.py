@@ -69,17 +69,22 @@ class CellFiles:
         return self.disk.find_damage(f"cells/{key}.json")
 
     def add_cell(self, row: dict[str, Any], image: Image | None, half_vectors: NDArray[np.float32] | None) -> int:
-        """Write a cell; the bytes written. Its row comes last, because the row marks the cell as done."""
+        """Write a cell; the bytes written. Its row comes last, because the row marks the cell as done.
+
+        The disk is not waited for, which would take longer than a small cell: after a power failure the checksum finds
+        a file that is not whole, and this cell is made again.
+        """
         key, files = row["key"], {}
-        for name in self.store.list(f"images/{key}_flip_"):
-            self.store.remove(name)  # a map of the image that is replaced now
+        if self.store.has(f"images/{key}.exr"):  # to list the images for each cell would take long
+            for name in self.store.list(f"images/{key}_flip_"):
+                self.store.remove(name)  # a map of the image that is replaced now
         if image is not None:
             files[f"images/{key}.exr"] = encode_exr(image.radiance)
             for name, picture in image.pictures.items():
                 files[f"images/{key}_state_{name}.exr"] = encode_exr(picture)
         if half_vectors is not None:
             files[f"images/{key}_half_vectors.npy"] = _encode(np.save, half_vectors)
-        return self.disk.write_with(f"cells/{key}.json", row, files)
+        return self.disk.write_with(f"cells/{key}.json", row, files, lasts=False)
 
     # References.
 

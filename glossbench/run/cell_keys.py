@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from glossbench.columns import CONDITIONS
 from glossbench.errors import InputError
 from glossbench.options import Options
 from glossbench.provenance import compute_code_hash
-from glossbench.run.attempts import OUR_TRIES, TRIES, Attempt
+from glossbench.run.attempts import FOLDER, OUR_TRIES, TRIES, Attempt
 from glossbench.run.cell_files import make_key
 from glossbench.run.cell_items import CellParts, Sources
 from glossbench.run.results import Results
@@ -78,13 +79,13 @@ class CellKeys:
         sources, is_foreign = self.sources.list_by_kind(cell), self.sources.has_foreign(cell)
         items = {kind: self._state_item(item) for kind, item in _collect_items(cell).items()}
         spelled = make_key([self.code, self._common, sources, items])
-        is_there = self._results.has_cell(spelled) and not self._results.find_cell_damage(spelled)
+        is_there = self.is_stored(spelled) and not self._results.find_cell_damage(spelled)
         if is_there and not again:
             return Identity(spelled, spelled)
         tries = TRIES if is_foreign else OUR_TRIES
-        tried = Attempt(self._results.store, spelled, tries)
+        tried = Attempt(self._results.store, spelled, tries, self._marks)
         # A second mark, which is removed before the cell begins.
-        attempt = Attempt(self._results.store, f"{spelled}_key")
+        attempt = Attempt(self._results.store, f"{spelled}_key", marks=self._marks)
         for each in (tried, attempt):
             if each.is_hopeless and not is_there:
                 each.end()
@@ -107,6 +108,20 @@ class CellKeys:
         reference_key = make_key([self._common, light_key, *(sources[place] for place in CONDITIONS), *stated[:2]])
         key = make_key([reference_key, self.code, stated[2], sources["method"], sources["metrics"]])
         return Identity(key, spelled, reference_key, light_key, keys, ended=tried.ended, tries=tries)
+
+    def is_stored(self, key: str) -> bool:
+        """Whether a cell was in the store when the first cell was identified."""
+        return f"cells/{key}.json" in self._cells
+
+    # Both are listed once: to ask an object store for each of 10,000 cells would take minutes.
+
+    @cached_property
+    def _cells(self) -> frozenset[str]:
+        return frozenset(self._results.store.list("cells/"))
+
+    @cached_property
+    def _marks(self) -> frozenset[str]:
+        return frozenset(self._results.store.list(f"{FOLDER}/"))
 
     def _compute_keys(self, cell: Cell, is_foreign: bool) -> tuple[str, ...]:
         if is_foreign:

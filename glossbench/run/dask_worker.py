@@ -11,14 +11,18 @@ from distributed import Worker, WorkerPlugin, get_worker
 from glossbench.errors import InputError
 from glossbench.run.cell_process import OWN_END, CellProcess, Order, ProcessEnded
 
-TOPIC = "glossbench"  # of messages to the run
 MOST_ENDS = 6  # of processes, one after another, that do not say a word: they cannot start on this machine
 
 
 class Processes(WorkerPlugin):
-    """The processes of a worker: one for each thread that asks."""
+    """The processes of a worker for one run: one for each thread that asks.
 
-    name = TOPIC
+    Args:
+        name: the topic of the messages to the run.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
 
     def setup(self, worker: Worker) -> None:
         self.free: list[CellProcess] = []
@@ -40,10 +44,10 @@ class Processes(WorkerPlugin):
         return self.free.pop()
 
 
-def run_order(order: Order) -> dict[int, Any]:
+def run_order(order: Order, topic: str) -> dict[int, Any]:
     """Run a batch; the rows of its cells by their place. A process that ends is replaced by a new one."""
     worker = get_worker()
-    processes = cast("Processes", worker.plugins[TOPIC])
+    processes = cast("Processes", worker.plugins[topic])
     rows: dict[int, Any] = {}
     n_silent = 0
 
@@ -52,7 +56,7 @@ def run_order(order: Order) -> dict[int, Any]:
         n_silent = 0
         if kind == "row":
             rows[values[0]] = values[1]
-        worker.log_event(TOPIC, [str(worker.name), kind, pickle.dumps(values)])
+        worker.log_event(topic, [str(worker.name), kind, pickle.dumps(values)])
 
     while True:
         process = processes.take()

@@ -263,7 +263,7 @@ class Executor:
         return cell.make_record(
             key=key, reference_key=reference_key, light_key=self.lights.known_key(cell.light),
             metrics=dict.fromkeys(self.study.measured, float("nan")), code=self.keys.code[:20],
-            version=read_version(), torch=torch.__version__, device=self.study.device, processor=read_processor(),
+            version=read_version(), torch=str(torch.__version__), device=self.study.device, processor=read_processor(),
             seed=self.study.seed,
         )  # fmt: skip
 

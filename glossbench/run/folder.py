@@ -30,10 +30,10 @@ class Folder:
     def path(self, name: str) -> Path:
         """The path of a file or folder in it; InputError for a link that leads out of it, a device or a pipe."""
         path = self.root / name
-        real = Path(os.path.realpath(path))
-        if not real.is_relative_to(os.path.realpath(self.root)):
+        real, root = os.path.realpath(path), os.path.realpath(self.root)
+        if real != root and not real.startswith(os.path.join(root, "")):
             raise InputError(f"{path} leads out of the folder of results, to {real}; glossbench does not follow it")
-        if os.path.lexists(real) and stat.S_IFMT(real.lstat().st_mode) not in (stat.S_IFREG, stat.S_IFDIR):
+        if os.path.lexists(real) and stat.S_IFMT(os.lstat(real).st_mode) not in (stat.S_IFREG, stat.S_IFDIR):
             raise InputError(f"{path} is a device or a pipe; a folder of results holds files")
         return path
 
@@ -68,16 +68,20 @@ class Folder:
     def get(self, name: str) -> bytes:
         return self.path(name).read_bytes()
 
-    def put(self, name: str, data: bytes) -> None:
+    def put(self, name: str, data: bytes, lasts: bool = True) -> None:
         path = self.path(name)
         if path.parent != self.root:
             with suppress(OSError):  # the write itself fails then
                 path.parent.mkdir(exist_ok=True)
-        with replacing(path) as part:
+        with replacing(path, lasts) as part:
             part.write_bytes(data)
 
     def remove(self, name: str) -> None:
-        self.path(name).unlink(missing_ok=True)
+        path = self.path(name)
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise WriteError(path, error.strerror or str(error)) from error
 
     def list(self, prefix: str) -> list[str]:
         folder, _, start = prefix.rpartition("/")

@@ -12,7 +12,7 @@ from glossbench.columns import CellRecord
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.metrics import METRICS, Metric
 from glossbench.options import copy_of
-from glossbench.process.state import guarded
+from glossbench.process.state import guarded, is_foreign
 from glossbench.run.tuning import tune_option
 from glossbench.scene.points import View
 from glossbench.shading.image import Image, shade
@@ -51,15 +51,19 @@ def measure(
     """
     tuned: dict[str, float] = {}
 
-    def compute_metric(metric: Metric, image: Image, reference: Reference = truth) -> float:
-        seen, recorded = (replace(each, radiance=view.recorded(each.radiance)) for each in (image, reference))
+    def compute_metric(metric: Metric, seen: Image, reference: Reference = truth) -> float:
         with guarded(type(metric)):
-            value = copy_of(metric)(seen, recorded)
+            own = copy_of(metric) if is_foreign(type(metric)) else metric  # a plug-in may write into it
+            value = own(seen, replace(reference, radiance=view.recorded(reference.radiance)))
         return check_number(metric.name, value)
+
+    def see(image: Image) -> Image:
+        return replace(image, radiance=view.recorded(image.radiance))
 
     def with_left_out(metric: Metric, image: Image) -> list[float]:
         """The metric against the whole reference, then without each group; only the first if any is not finite."""
-        values = [compute_metric(metric, image, each) for each in (truth, *truth.left_out(metric.n_groups))]
+        seen = see(image)
+        values = [compute_metric(metric, seen, each) for each in (truth, *truth.left_out(metric.n_groups))]
         return values if np.isfinite(values).all() else values[:1]
 
     def shade_candidate(candidate: Method, time_it: bool) -> Image:
@@ -71,7 +75,7 @@ def measure(
 
         def measure_error(value: float) -> float:
             candidate = replace(method, **{tune.option: value})
-            return compute_metric(least, shade_candidate(candidate, time_it=False))
+            return compute_metric(least, see(shade_candidate(candidate, time_it=False)))
 
         tuned = {tune.option: tune_option(tune, measure_error)}
         method = replace(method, **tuned)

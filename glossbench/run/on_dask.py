@@ -6,6 +6,7 @@ store, where a batch that begins again finds it.
 
 import logging
 import pickle
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from math import ceil
@@ -21,7 +22,7 @@ from glossbench.run.store import Store
 from glossbench.run.travel import Plugins
 
 MOST_SHOWN = 4  # workers whose work is shown
-FORGIVEN = 10  # workers that may be lost with one batch: one that kills its worker has failed before, see attempts.py
+FORGIVEN = 10  # times that Dask gives up a batch which lost its workers: a cell that ends them has failed before
 
 
 def check_address(address: str) -> int:
@@ -51,20 +52,22 @@ def run_on_dask(
     rows: dict[int, Row] = {}
     board = _Board(progress)
     with _connected(address) as client:
-        from distributed import as_completed
+        from distributed import KilledWorker, as_completed
 
-        from glossbench.run.dask_worker import TOPIC, Processes, run_order
+        from glossbench.run.dask_worker import Processes, run_order
 
-        client.register_plugin(Processes())
-        client.subscribe_topic(TOPIC, board.hear)
+        topic = f"glossbench {settings.run}"  # other runs may use the same workers
+        client.register_plugin(Processes(topic))
+        client.subscribe_topic(topic, board.hear)
         waiting: dict[str, Batch] = {}
+        n_given_up: Counter[int] = Counter()
         running = as_completed()
 
         def submit(tasks: Sequence[Task], **flags: bool) -> None:
             batch = Batch(settings, tuple(tasks), **flags)
             order = Order(plugins, pickle.dumps(batch), store)
             # What has begun goes first, so that the workers stay at one light.
-            future = client.submit(run_order, order, pure=False, priority=-batch.is_first, retries=0)
+            future = client.submit(run_order, order, topic, pure=False, priority=-batch.is_first, retries=0)
             waiting[future.key] = batch
             running.add(future)
 
@@ -73,7 +76,16 @@ def run_on_dask(
                 submit(group, is_first=True)
             n_first = len(groups)
             for future in running:
-                batch, done = waiting.pop(future.key), future.result()
+                batch = waiting.pop(future.key)
+                try:
+                    done = future.result()
+                except KilledWorker:
+                    first = batch.tasks[0].place
+                    n_given_up[first] += 1
+                    if n_given_up[first] > FORGIVEN:
+                        raise
+                    submit(batch.tasks, is_first=batch.is_first, has_reference=batch.has_reference)
+                    continue
                 rows |= done
                 board.count(done)
                 left = [task for task in batch.tasks if task.place not in rows]
@@ -84,8 +96,9 @@ def run_on_dask(
                     for i in range(0, len(left), size):
                         submit(left[i : i + size], has_reference=True)
         finally:
-            with suppress(Exception):  # the scheduler may be gone
-                client.unregister_worker_plugin(TOPIC)
+            if client.status == "running":  # a scheduler that is gone would be waited for
+                with suppress(Exception):
+                    client.unregister_worker_plugin(topic)
     return rows
 
 
@@ -94,29 +107,29 @@ def _connected(address: str) -> Iterator[Any]:
     """A client of the scheduler, which is started and ended here for local:N."""
     n_local = check_address(address)
     try:
-        import dask
         from distributed import CancelledError, Client, KilledWorker, LocalCluster
         from distributed.comm.core import CommClosedError
     except ImportError:
         raise InputError("--dask needs Dask: pip install 'glossbench[distributed]'") from None
     # Workers come and go here on purpose; what ends the run is one line of this program.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with dask.config.set({"distributed.scheduler.allowed-failures": FORGIVEN}):
-        try:
-            cluster = (
-                LocalCluster(
-                    n_workers=n_local, threads_per_worker=1, processes=True, memory_limit=0,
-                    dashboard_address=None, silence_logs=logging.CRITICAL,
-                )
-                if n_local
-                else None
-            )  # fmt: skip
-            client = Client(cluster or address)
-        except (OSError, ValueError) as error:
-            raise InputError(f"no scheduler of Dask answers at {address}: {error}") from None
+    try:
+        cluster = (
+            LocalCluster(
+                n_workers=n_local, threads_per_worker=1, processes=True, memory_limit=0,
+                dashboard_address=None, silence_logs=logging.CRITICAL,
+            )
+            if n_local
+            else None
+        )  # fmt: skip
+        client = Client(cluster or address)
+    except (OSError, ValueError) as error:
+        raise InputError(f"no scheduler of Dask answers at {address}: {error}") from None
     try:
         yield client
-    except (CommClosedError, CancelledError, KilledWorker) as error:
+    except (CancelledError, KilledWorker, OSError) as error:
+        if client.status == "running" and not isinstance(error, CancelledError | KilledWorker | CommClosedError):
+            raise
         raise InputError(
             f"{address}: the scheduler or its workers are gone ({type(error).__name__}); cells that are done are kept, "
             "the same command goes on from there"

@@ -1,11 +1,11 @@
 """What a run will cost in time, memory and disk, from what earlier runs of this user measured.
 
-A time is a + b * work, with a and b not negative. The work of a cell is its pixels times the budget of its method,
-that of a reference its pixels. Bytes on disk and in memory are a + b * pixels. a and b are those with the least
-relative squares over the last measurements.
+A time is a + b * pixels + c * work, with no negative coefficient: what each cell takes, its metrics, and its shading.
+The work of a cell is its pixels times the budget of its method, that of a reference its pixels. Bytes on disk and in
+memory are a + b * pixels. The coefficients are those with the least relative squares over the last measurements. What
+these do not tell apart, a and b after views of one size, is shared equally, or for memory is a.
 """
 
-import sys
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -19,7 +19,8 @@ import scipy
 from glossbench.atomic import replacing
 from glossbench.catalog.folders import cache_folder
 from glossbench.errors import InputError
-from glossbench.scene.points import View
+from glossbench.memory import read_peak
+from glossbench.scene.points import BYTES_A_PIXEL, View
 from glossbench.shading.method import find_budget_option
 from glossbench.strict_json import seal, unseal
 from glossbench.study.cells import Cell, to_text
@@ -59,7 +60,7 @@ def measure_reference(cell: Cell, options: ReferenceOptions, seconds: float, n_b
 def measure_memory(cells: Iterable[Cell]) -> Spent:
     """The most memory that this process has taken, by the largest view of its cells."""
     pixels = max(count_pixels(cell.view) for cell in cells)
-    return Spent("memory", pixels, pixels, 0.0, _read_peak())
+    return Spent("memory", pixels, pixels, 0.0, read_peak())
 
 
 def remember(spent: Sequence[Spent]) -> None:
@@ -107,8 +108,8 @@ def predict(cells: Sequence[Cell], options: ReferenceOptions) -> Prediction:
             n_unknown += 1
             first = kind.partition(" ")[0]
             alike = [each for other, found in known.items() if other.startswith(f"{first} ") for each in found]
-        seconds += _fit([(w, s) for w, _, s, _ in alike], work)
-        disk += _fit([(p, n) for _, p, _, n in alike], pixels)
+        seconds += _fit([(s, p, w) for w, p, s, _ in alike], pixels, work)
+        disk += _fit([(n, p) for _, p, _, n in alike], pixels)
     return Prediction(seconds, disk, predict_memory(cells), n_unknown)
 
 
@@ -116,17 +117,36 @@ def predict_memory(cells: Sequence[Cell]) -> float | None:
     """The most memory that one process will take [bytes]; None if none was measured."""
     known = _read().get("memory")
     largest = max((count_pixels(cell.view) for cell in cells), default=0)
-    return _fit([(p, n) for _, p, _, n in known], largest) if known and largest else None
+    return _fit([(n, p) for _, p, _, n in known], largest, is_constant=True) if known and largest else None
 
 
-def check_fits(cells: Sequence[Cell], n_processes: int, bound: int) -> None:
-    """InputError if so many processes are predicted to take more memory than the bound [bytes]."""
-    peak = predict_memory(cells)
-    if peak is not None and n_processes * peak > bound:
+def check_fits(cells: Sequence[Cell], n_processes: int, stated: int | None, of_machine: int | None) -> None:
+    """InputError if so many processes take more memory than they may.
+
+    What is predicted must fit into what a study states. Predictions may be wrong, so the machine's own memory bounds
+    only what is needed at least.
+
+    Args:
+        stated: in the study [bytes].
+        of_machine: the memory of the machine [bytes].
+    """
+    processes = f"{n_processes} process{'es' if n_processes > 1 else ''}"
+    if stated is not None and n_processes * (peak := predict_memory(cells) or 0) > stated:
         raise InputError(
-            f"this run needs about {n_processes * peak / 1e9:.1f} GB of memory for {n_processes} "
-            f"process{'es' if n_processes > 1 else ''}, and the study allows {bound / 1e9:.1f} GB (memory)"
+            f"this run needs about {n_processes * peak / 1e9:.1f} GB of memory for {processes}, and the study allows "
+            f"{stated / 1e9:.1f} GB (memory)"
         )
+    if of_machine is not None and (least := n_processes * _find_least_memory(cells)) > of_machine:
+        raise InputError(
+            f"this run needs at least {least / 1e9:.1f} GB of memory for {processes}, and this machine has "
+            f"{of_machine / 1e9:.1f} GB"
+        )
+
+
+def _find_least_memory(cells: Sequence[Cell]) -> float:
+    """Bytes that one process needs at least: the largest view, and the smallest rest that was ever measured."""
+    rest = min((n - BYTES_A_PIXEL * p for p, _, _, n in _read().get("memory", ())), default=0.0)
+    return max(rest, 0.0) + BYTES_A_PIXEL * max((count_pixels(cell.view) for cell in cells), default=0)
 
 
 def _work(cell: Cell) -> float:
@@ -138,15 +158,25 @@ def _name_reference(cell: Cell, options: ReferenceOptions) -> str:
     return f"reference {cell.material.name} {options.method} {options.relative_error:g}"
 
 
-def _fit(measured: Sequence[tuple[float, float]], work: float) -> float:
-    """a + b * work, of least relative squares; 0 without a measurement."""
-    found = np.array([(w, value) for w, value in measured if value > 0], float)
+def _fit(measured: Sequence[tuple[float, ...]], *at: float, is_constant: bool = False) -> float:
+    """The value at some variables: a constant and a multiple of each, of least relative squares; 0 if none is measured.
+
+    Args:
+        measured: values, each followed by its variables.
+        is_constant: what the measurements leave open belongs to the constant; otherwise it is shared equally.
+    """
+    found = np.array([each for each in measured if each[0] > 0], float)
     if not len(found):
         return 0.0
-    w, value = found.T
-    scale = w.max()
-    (a, b), _ = scipy.optimize.nnls(np.stack([1 / value, w / scale / value], axis=1), np.ones(len(value)))
-    return float(a + b * work / scale)
+    values, variables = found[:, 0], found[:, 1:]
+    scale = np.maximum(variables.max(axis=0), 1)
+    terms = np.column_stack([np.ones(len(values)), variables / scale])
+    # The last rows keep the coefficients small where the measurements leave them open.
+    small = 1e-4 / np.median(values) * np.eye(terms.shape[1])
+    small[0] *= not is_constant
+    wanted = np.concatenate([np.ones(len(values)), np.zeros(len(small))])
+    coefficients, _ = scipy.optimize.nnls(np.concatenate([terms / values[:, None], small]), wanted)
+    return float(coefficients @ [1, *(np.array(at) / scale)])
 
 
 def _read() -> dict[str, list[list[float]]]:
@@ -159,12 +189,3 @@ def _read() -> dict[str, list[list[float]]]:
 
 def _file() -> Path:
     return cache_folder() / "rates.json"
-
-
-def _read_peak() -> int:
-    try:
-        import resource
-    except ImportError:  # Windows
-        return 0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else 1024 * peak

@@ -55,13 +55,17 @@ class Records:
         """Write a text to a file, completely or not at all."""
         self.store.put(name, text.encode("utf-8"))
 
-    def write_with(self, name: str, data: dict[str, Any], files: Mapping[str, bytes]) -> int:
-        """Write other files, and last a mapping as JSON, with checksums of itself and of these; the bytes of all."""
+    def write_with(self, name: str, data: dict[str, Any], files: Mapping[str, bytes], lasts: bool = True) -> int:
+        """Write other files, and last a mapping as JSON, with checksums of itself and of these; the bytes of all.
+
+        Args:
+            lasts: whether to wait for the disk (`Store.put`).
+        """
         for other, content in files.items():
-            self.store.put(other, content)
+            self.store.put(other, content, lasts)
         digests = {other: sha256(content).hexdigest() for other, content in files.items()}
         text = seal({**data, "files": digests})
-        self.write(name, text)
+        self.store.put(name, text.encode("utf-8"), lasts)
         return len(text) + sum(map(len, files.values()))
 
     def read(self, name: str) -> dict[str, Any]:

@@ -67,7 +67,7 @@ class RemoteStore:
         with self._reading(name):
             return bytes(system.cat_file(f"{root}/{name}"))
 
-    def put(self, name: str, data: bytes) -> None:
+    def put(self, name: str, data: bytes, lasts: bool = True) -> None:
         system, root = self._root
         try:
             system.pipe_file(f"{root}/{name}", bytes(data))

@@ -43,7 +43,7 @@ def reserved(store: Store) -> Iterator[None]:
             ours["beat"] += 1
             # A plug-in may do anything to this process meanwhile; the next beat comes.
             with suppress(Exception):
-                store.put(NAME, json.dumps(ours).encode())
+                store.put(NAME, json.dumps(ours).encode(), lasts=False)
 
     thread = threading.Thread(target=beat, daemon=True)
     try:
@@ -56,8 +56,10 @@ def reserved(store: Store) -> Iterator[None]:
         has_ended.set()
         if thread.is_alive():
             thread.join()
-        if _read(store).get("run") == ours["run"]:
-            store.remove(NAME)
+        # A store that fails now has ended the run already, and the record of a process that has ended binds nobody.
+        with suppress(InputError):
+            if _read(store).get("run") == ours["run"]:
+                store.remove(NAME)
 
 
 def _wait_for_end(store: Store) -> None:

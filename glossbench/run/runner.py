@@ -15,6 +15,7 @@ from glossbench.atomic import interrupted_by_signals
 from glossbench.envmap.lights.light import Light
 from glossbench.errors import InputError
 from glossbench.findings.verdicts import judge
+from glossbench.memory import read_capacity
 from glossbench.options import copy_of
 from glossbench.plugins import find_origin
 from glossbench.process.leftovers import end_children, find_children
@@ -86,10 +87,10 @@ def run_study(
     executor = Executor(study, results, progress, use_cache, fail_fast)
     progress.doing("lights")
     own = _identify_own(cells, executor, again)
-    kept = {i for i, each in own.items() if use_cache and not rerun_failed and results.has_cell(each.key)}
+    kept = {i for i, each in own.items() if use_cache and not rerun_failed and executor.keys.is_stored(each.key)}
     new = [cell for i, cell in enumerate(cells) if i not in kept]
-    if study.memory is not None:
-        check_fits(new, max(1, n_local), study.memory)
+    is_here = dask is None or n_local > 0
+    check_fits(new, max(1, n_local), study.memory, read_capacity() if is_here else None)
     _read_files(new, executor.lights)
     _check_own_study(study, results)
     results.create()

@@ -30,11 +30,15 @@ class Store(Protocol):
     def get(self, name: str) -> bytes:
         """The content of a file."""
 
-    def put(self, name: str, data: bytes) -> None:
-        """Write a file; WriteError if that fails, for example because the disk is full."""
+    def put(self, name: str, data: bytes, lasts: bool = True) -> None:
+        """Write a file; WriteError if that fails, for example because the disk is full.
+
+        Args:
+            lasts: False for a file with a checksum that can be made again: the disk is not waited for.
+        """
 
     def remove(self, name: str) -> None:
-        """Remove a file, if it exists."""
+        """Remove a file, if it exists; WriteError if that fails."""
 
     def list(self, prefix: str) -> list[str]:
         """The names that begin with a sub-folder and, after it, these characters, sorted: "images/KEY_"."""

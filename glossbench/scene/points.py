@@ -15,6 +15,9 @@ from glossbench.options import Options
 from glossbench.registry import Registry
 from glossbench.shapes import Directions, Mask, Picture, Rays, Seen
 
+# Points take 120 (sphere) to 230 (mesh), measured; images, references and replicates come on top.
+BYTES_A_PIXEL = 400
+
 
 @dataclass(frozen=True)
 class ShadingPoints:
@@ -91,8 +94,7 @@ class View(Options):
 
 def check_pixels(view: View, height: int, width: int) -> None:
     """Raises InputError if the points, images and references of so many pixels do not fit into memory."""
-    # Bytes per pixel: points take 120 (sphere) to 230 (mesh), measured; images, references and replicates come on top.
-    check_memory(f"{view.name}: a view of {width} x {height} pixels", 400 * height * width)
+    check_memory(f"{view.name}: a view of {width} x {height} pixels", BYTES_A_PIXEL * height * width)
 
 
 VIEWS: Registry[View] = Registry("view", "glossbench.scene", "glossbench.views", explain_catalog_name)

@@ -193,8 +193,8 @@ def full(monkeypatch, ending: str) -> None:
     """The disk is full when the first file with this ending is written."""
 
     class Full:
-        def __init__(self, path: Path) -> None:
-            self.path, self.context = path, replacing(path)
+        def __init__(self, path: Path, lasts: bool) -> None:
+            self.path, self.context = path, replacing(path, lasts)
 
         def __enter__(self) -> Path:
             if self.path.name.endswith(ending):

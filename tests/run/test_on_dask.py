@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +13,8 @@ from glossbench.errors import InputError
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.study.study import load_study
-from oracles.flat_studies import remains
+from oracles.clusters import processes_of_runs, started_by_hand
+from oracles.flat_studies import registered, remains, study_in
 
 pytest.importorskip("distributed", reason="pip install 'glossbench[distributed]'")
 
@@ -27,7 +27,7 @@ import torch
 def first_time(name):
     try:
         (Path(__file__).parent / name).touch(exist_ok=False)
-        return "FAULTS" in os.environ
+        return (Path(__file__).parent / "faults").exists()
     except FileExistsError:
         return False
 
@@ -92,31 +92,25 @@ def study(tmp_path, monkeypatch):
     return load_study(tmp_path / "s.yaml")
 
 
-def processes_of_runs() -> set[int]:
-    """Processes that compute cells."""
-    found = set()
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            words = path.read_bytes().split(b"\0")
-        except OSError:
-            continue
-        if b"glossbench.run.cell_process" in words:
-            found.add(int(path.parent.name))
-    return found
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """A scheduler and two workers that were started by hand."""
+    with started_by_hand(tmp_path_factory.mktemp("cluster"), 2) as cluster:
+        yield cluster
 
 
-def test_processes_that_are_killed_leave_the_bytes_of_a_serial_run(study, tmp_path, monkeypatch):
+def test_processes_that_are_killed_leave_the_bytes_of_a_serial_run(study, tmp_path, cluster):
     before = processes_of_runs()
     # In a process of its own, because tests change what a traceback shows.
     subprocess.run([sys.executable, "-c", RUN, tmp_path / "s.yaml", tmp_path / "serial"], check=True)
     expected = remains(tmp_path / "serial")
     for name in ("killed", "worker_killed"):
         (tmp_path / name).unlink(missing_ok=True)
-    monkeypatch.setenv("FAULTS", "1")
+    (tmp_path / "faults").touch()
     seen, told = [], []
 
     results = run_study(
-        study, tmp_path / "dask", dask="local:2", progress=Progress(cell=seen.append, doing=told.append)
+        study, tmp_path / "dask", dask=cluster.address, progress=Progress(cell=seen.append, doing=told.append)
     )
 
     assert (tmp_path / "killed").exists()
@@ -124,8 +118,31 @@ def test_processes_that_are_killed_leave_the_bytes_of_a_serial_run(study, tmp_pa
     assert remains(results.folder) == expected
     assert sorted(results.cells["status"]) == ["done"] * 5 + ["failed", "skipped"]
     assert sorted(row["key"] for row in seen) == sorted(results.cells["key"])
-    assert any(" | 1: " in text for text in told)
+    assert any(" | tcp://" in text for text in told)
     assert not (results.folder / "begun").exists()
+    assert processes_of_runs() <= before
+
+
+def test_a_scheduler_that_is_killed_ends_the_run_with_one_line_and_what_is_done_stays(tmp_path, cluster):
+    before = processes_of_runs()
+    with registered():
+        study = study_in(tmp_path, methods="{regular_sampling: {samples: [4, 5, 6, 7, 8, 9, 10]}}")
+    kept, killed = [], []
+
+    def kill(row):
+        if not killed:
+            killed.append(time.monotonic())
+            cluster.scheduler.kill()
+            kept.extend((path, path.read_bytes()) for path in (tmp_path / "r").glob("cells/*.json"))
+
+    with pytest.raises(InputError, match=r"the scheduler or its workers are gone .*; cells that are done are kept"):
+        run_study(study, tmp_path / "r", dask=cluster.address, progress=Progress(cell=kill))
+
+    # Measured 0.2 s; Dask tries to reach the scheduler for 30 s.
+    assert time.monotonic() - killed[0] < 15
+    assert kept
+    assert all(path.read_bytes() == content for path, content in kept)
+    cluster.workers.wait(timeout=60)  # workers end with their scheduler
     assert processes_of_runs() <= before
 
 

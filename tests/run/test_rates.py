@@ -96,7 +96,22 @@ def test_what_does_not_fit_is_refused_before_it_starts_with_the_numbers(tmp_path
     ):
         run_study(bounded, tmp_path / "r", dask="local:2")
     assert not (tmp_path / "r").exists()
-    check_fits(bounded.cells(), 1, bounded.memory)
+    check_fits(bounded.cells(), 1, bounded.memory, None)
+
+
+def test_the_machine_bounds_what_is_needed_at_least_and_a_wrong_prediction_refuses_nothing(tmp_path, monkeypatch):
+    """8^2 pixels and 600 MB were measured once: 40 processes need 24 GB, whatever a fit says of 64^2 pixels."""
+    remember([Spent("memory", 64.0, 64, 0.0, 6 * 10**8), Spent("memory", 256.0, 256, 0.0, 9 * 10**8)])
+    monkeypatch.setattr("glossbench.run.runner.read_capacity", lambda: 8 * 10**9)
+    study = study_in(tmp_path, view="{sphere: {resolution: 64}}")
+
+    with pytest.raises(
+        InputError, match=r"needs at least 24\.1 GB of memory for 40 processes, and this machine has 8\.0 GB"
+    ):
+        run_study(study, tmp_path / "r", dask="local:40")
+    assert not (tmp_path / "r").exists()
+    assert 2 * predict(study.cells(), study.reference).memory > 8 * 10**9
+    check_fits(study.cells(), 2, None, 8 * 10**9)
 
 
 def test_the_bound_of_a_study_is_read_written_and_checked(tmp_path):

@@ -141,7 +141,7 @@ def test_files_written_in_place_would_be_half_written(study_of, tmp_path, monkey
     """Twin of the above: a row is half-written under its final name; the restarted run finds it and makes it again."""
 
     @contextmanager
-    def in_place(path: Path) -> Iterator[Path]:
+    def in_place(path: Path, lasts: bool) -> Iterator[Path]:
         yield path
         if path.suffix == ".json" and path.parent.name == "cells":
             path.write_bytes(path.read_bytes()[:50])
