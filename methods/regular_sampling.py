@@ -238,21 +238,22 @@ def _place_circles(lobe: Lobe, xi: float, n_circles: int, spacing: Spacing) -> T
     s = theta_max / (n_circles - 1 / 2 if spacing == "s1" else n_circles + 1 / 6)
     thetas = [(i if spacing == "s1" else i + 2 / 3) * s for i in range(n_circles)]
     n_first, theta_first = (6, s) if spacing == "s1" else (4, thetas[0])
-    kept = []
-    for theta in thetas:
-        n = 1 if theta == 0 else 2 * floor(n_first * sin(theta) / (2 * sin(theta_first)) + 1 / 2)
-        best, best_q = torch.empty(0, dtype=torch.float64), -1.0
-        for turn in (0.0, 0.5):
-            phi = 2 * pi * (torch.arange(n, dtype=torch.float64) + turn) / n
-            h = spherical(torch.full_like(phi, theta), phi)
-            slope2 = (h.x / (w_x * h.z)) ** 2 + (h.y / (w_y * h.z)) ** 2
-            kept_here = slope2 <= radius * radius
-            q = float(lobe.q(slope2[kept_here]).sum())
-            # For an isotropic lobe both circles have the same sum except for rounding: the unturned one is used.
-            if q > best_q * (1 + 1e-9):
-                best, best_q = phi[kept_here], q
-        kept.append(torch.stack([torch.full_like(best, theta), best], dim=1))
-    return torch.cat(kept).float()
+    counts = [1 if t == 0 else 2 * floor(n_first * sin(t) / (2 * sin(theta_first)) + 1 / 2) for t in thetas]
+    # One row for each turn, all circles beside each other.
+    n = torch.tensor(counts)
+    circle = torch.arange(n_circles).repeat_interleave(n)
+    place = torch.arange(len(circle)) - (n.cumsum(0) - n)[circle]
+    phi = 2 * pi * (place + torch.tensor([[0.0], [0.5]], dtype=torch.float64)) / n[circle]
+    theta = torch.tensor(thetas, dtype=torch.float64)[circle].expand_as(phi)
+    h = spherical(theta, phi)
+    slope2 = (h.x / (w_x * h.z)) ** 2 + (h.y / (w_y * h.z)) ** 2
+    is_kept = slope2 <= radius * radius
+    q = torch.where(is_kept, lobe.q(slope2), 0.0)
+    unturned, turned = torch.zeros(2, n_circles, dtype=torch.float64).index_add_(1, circle, q)
+    # For an isotropic lobe both circles have the same sum except for rounding: the unturned one is used.
+    best = (turned > unturned * (1 + 1e-9)).long()[circle]
+    samples = torch.arange(len(circle))
+    return torch.stack([theta, phi], dim=-1)[best, samples][is_kept[best, samples]].float()
 
 
 def _choose_nearest(lobe: Lobe, xi: float, budget: int) -> Tensor:

@@ -1,5 +1,6 @@
 """`glossbench compile`: compile the kernels of studies before they run, and list or remove what is compiled."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,6 +10,8 @@ from glossbench.commands.printing import err, say
 from glossbench.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
     from glossbench.shading.kernels.build import Call
 
 
@@ -26,6 +29,7 @@ def compile_kernels(
     from glossbench.shading.kernels import artefacts
     from glossbench.shading.kernels.build import build_all, has_compiler
     from glossbench.shading.kernels.check import difference
+    from glossbench.study.study_files import find_study_files
 
     if study is None and not every and not clear:
         raise InputError("compile: name a study, or --all")
@@ -35,13 +39,23 @@ def compile_kernels(
         return
     if not has_compiler():
         raise InputError("compile: there is no C++ compiler; install g++ or clang++")
-    calls = _calls([study] if study is not None else [], every)
-    missing = [call for call in calls if artefacts.find(call.key, call.tensors) is None]
+    calls: list[Call] = []
+    names = [*([study] if study is not None else []), *(find_study_files() if every else [])]
     with Bar(console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task("compiling kernels", total=len(missing))
-        made = build_all(missing, lambda call: bar.advance(task))
+        compiling = bar.add_task("compiling kernels", total=0)
+
+        def find_missing() -> "Iterator[Call]":
+            n_missing = 0
+            for call in _find_calls(names, bar, skip=every):
+                calls.append(call)
+                if artefacts.find(call.key, call.tensors) is None:
+                    n_missing += 1
+                    bar.update(compiling, total=n_missing)
+                    yield call
+
+        made = build_all(find_missing(), lambda call: bar.advance(compiling))
     failed = made.count(None)
-    say(f"{len(calls)} kernels: {len(calls) - len(missing)} were there, {len(made) - failed} compiled, {failed} failed")
+    say(f"{len(calls)} kernels: {len(calls) - len(made)} were there, {len(made) - failed} compiled, {failed} failed")
     wrong = 0
     for call in calls if check else []:
         found = difference(call)
@@ -52,23 +66,25 @@ def compile_kernels(
         raise typer.Exit(1)
 
 
-def _calls(names: list[str], every: bool) -> "list[Call]":
-    """The kernel calls of studies, each once."""
-    from glossbench.run.kernel_calls import calls_of
+def _find_calls(names: list[str], bar: "Bar", skip: bool) -> "Iterator[Call]":
+    """The kernel calls of studies, each once, as they are found; `skip` leaves out a study that cannot be read."""
+    from glossbench.run.kernel_calls import CallFinder
     from glossbench.study.study import load_study
-    from glossbench.study.study_files import find_study_files
 
-    found: dict[str, Call] = {}
-    for name in [*names, *(find_study_files() if every else [])]:
+    reading = bar.add_task("reading studies", total=len(names))
+    name, found = "", set()
+    finder = CallFinder(tell=lambda text: bar.update(reading, description=f"{name}: {text}"))
+    for name in names:
         try:
             loaded = load_study(name)
         except InputError as error:
-            if not every:
+            if not skip:
                 raise
             err.print(f"{name} is left out: {error}", soft_wrap=True)
             continue
-        with err.status(f"{name} ...") as status:
-            tell = lambda text, name=name: status.update(f"{name}: {text}")  # noqa: E731
-            calls = calls_of(loaded.cells(), loaded.reference, tell=tell)
-        found |= {call.key: call for call in calls if call.key not in found}
-    return list(found.values())
+        for call in finder.find(loaded.cells(), loaded.reference):
+            if call.key not in found:
+                found.add(call.key)
+                yield call
+        bar.advance(reading)
+    bar.remove_task(reading)

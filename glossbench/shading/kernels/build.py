@@ -6,7 +6,7 @@ import pickle
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, lru_cache
 from pathlib import Path
@@ -70,8 +70,12 @@ def has_compiler() -> bool:
     return compiler is not None
 
 
-def build_all(calls: Sequence[Call], tell: Callable[[Call], None] = lambda call: None) -> list[Artefact | None]:
-    """Compile kernels, one on each core at a time; `tell` is called with each that is done."""
+def build_all(calls: Iterable[Call], tell: Callable[[Call], None] = lambda call: None) -> list[Artefact | None]:
+    """Compile kernels, one on each core at a time, while `calls` finds the next ones.
+
+    Args:
+        tell: called with each that is done.
+    """
 
     def build_one(call: Call) -> Artefact | None:
         artefact = build(call)
