@@ -53,13 +53,12 @@ def measure(
 
     def compute_metric(metric: Metric, image: Image, reference: Reference = truth) -> float:
         seen, recorded = (replace(each, radiance=view.recorded(each.radiance)) for each in (image, reference))
-        with guarded(type(metric)):
-            value = copy_of(metric)(seen, recorded)
-        return check_number(metric.name, value)
+        return check_number(metric.name, copy_of(metric)(seen, recorded))
 
     def with_left_out(metric: Metric, image: Image) -> list[float]:
         """The metric against the whole reference, then without each group; only the first if any is not finite."""
-        values = [compute_metric(metric, image, each) for each in (truth, *truth.left_out(metric.n_groups))]
+        with guarded(type(metric)):
+            values = [compute_metric(metric, image, each) for each in (truth, *truth.left_out(metric.n_groups))]
         return values if np.isfinite(values).all() else values[:1]
 
     def shade_candidate(candidate: Method, time_it: bool) -> Image:
@@ -70,8 +69,9 @@ def measure(
         least = metrics[tune.metric] if tune.metric in metrics else METRICS.create(tune.metric, {})
 
         def measure_error(value: float) -> float:
-            candidate = replace(method, **{tune.option: value})
-            return compute_metric(least, shade_candidate(candidate, time_it=False))
+            image = shade_candidate(replace(method, **{tune.option: value}), time_it=False)
+            with guarded(type(least)):
+                return compute_metric(least, image)
 
         tuned = {tune.option: tune_option(tune, measure_error)}
         method = replace(method, **tuned)
