@@ -108,11 +108,19 @@ class _Places:
         for place in (root, *self._places):
             if parts[0] not in self._list_names(place):
                 continue
-            files = [(".".join(parts[:i]), _find_file(place.joinpath(*parts[:i]))) for i in range(1, len(parts) + 1)]
+            stems = {".".join(parts[:i]): place.joinpath(*parts[:i]) for i in range(1, len(parts) + 1)}
+            files = [(each, self._find_file(stem)) for each, stem in stems.items()]
             known = [(each, file) for each, file in files if file is not None]
             if known:
                 yield from known
                 return
+
+    def _find_file(self, stem: Path) -> Path | None:
+        """The file of a module or package, from its path without the ending; None if there is no such file."""
+        if stem.name not in self._list_names(stem.parent):
+            return None
+        candidates = [stem / "__init__.py", *(stem.with_name(stem.name + ending) for ending in ENDINGS)]
+        return next((each for each in candidates if each.is_file() and not is_installed(each)), None)
 
     def _list_names(self, place: Path) -> set[str]:
         """The names of a folder's modules and packages; none of a place that cannot be read."""
@@ -122,12 +130,6 @@ class _Places:
             except OSError:
                 self._names[place] = set()
         return self._names[place]
-
-
-def _find_file(stem: Path) -> Path | None:
-    """The file of a module or package, from its path without the ending; None if there is no such file."""
-    candidates = [stem / "__init__.py", *(stem.with_name(stem.name + ending) for ending in ENDINGS)]
-    return next((each for each in candidates if each.is_file() and not is_installed(each)), None)
 
 
 @lru_cache(maxsize=1024)

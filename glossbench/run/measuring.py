@@ -52,9 +52,8 @@ def measure(
     tuned: dict[str, float] = {}
 
     def compute_metric(metric: Metric, seen: Image, reference: Reference = truth) -> float:
-        with guarded(type(metric)):
-            own = copy_of(metric) if is_foreign(type(metric)) else metric  # a plug-in may write into it
-            value = own(seen, replace(reference, radiance=view.recorded(reference.radiance)))
+        own = copy_of(metric) if is_foreign(type(metric)) else metric  # a plug-in may write into it
+        value = own(seen, replace(reference, radiance=view.recorded(reference.radiance)))
         return check_number(metric.name, value)
 
     def see(image: Image) -> Image:
@@ -63,7 +62,8 @@ def measure(
     def with_left_out(metric: Metric, image: Image) -> list[float]:
         """The metric against the whole reference, then without each group; only the first if any is not finite."""
         seen = see(image)
-        values = [compute_metric(metric, seen, each) for each in (truth, *truth.left_out(metric.n_groups))]
+        with guarded(type(metric)):
+            values = [compute_metric(metric, seen, each) for each in (truth, *truth.left_out(metric.n_groups))]
         return values if np.isfinite(values).all() else values[:1]
 
     def shade_candidate(candidate: Method, time_it: bool) -> Image:
@@ -74,8 +74,9 @@ def measure(
         least = metrics[tune.metric] if tune.metric in metrics else METRICS.create(tune.metric, {})
 
         def measure_error(value: float) -> float:
-            candidate = replace(method, **{tune.option: value})
-            return compute_metric(least, see(shade_candidate(candidate, time_it=False)))
+            seen = see(shade_candidate(replace(method, **{tune.option: value}), time_it=False))
+            with guarded(type(least)):
+                return compute_metric(least, seen)
 
         tuned = {tune.option: tune_option(tune, measure_error)}
         method = replace(method, **tuned)

@@ -109,6 +109,7 @@ def study_in(folder: Path, **changes: Any) -> Study:
         "view": "{sphere: {resolution: 8}}",
         "methods": "{flat: {samples: [1, 2, 3]}}",
         "reference": "{relative_error: 0.05}",
+        "metrics": "[rms, mean_error]",
     } | changes
     (folder / "s.yaml").write_text("".join(f"{key}: {value}\n" for key, value in keys.items()))
     return load_study(folder / "s.yaml")

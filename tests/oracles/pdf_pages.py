@@ -1,10 +1,13 @@
 """What the pages of a PDF hold, read by another library than wrote it."""
 
+from functools import lru_cache
+
 import numpy as np
 import pypdfium2
 import pypdfium2.raw as pdfium
 
 
+@lru_cache(maxsize=2)  # several tests read the same report
 def pages_of(content):
     document = pypdfium2.PdfDocument(content)
     try:
@@ -19,7 +22,9 @@ def page_of(page):
     objects = list(page.get_objects(max_depth=9))
     found = {
         "text": text.get_text_range(),
-        "images": [o.get_bitmap().to_numpy()[..., 2::-1] for o in objects if o.type == pdfium.FPDF_PAGEOBJ_IMAGE],
+        "images": [
+            o.get_bitmap().to_numpy()[..., 2::-1].copy() for o in objects if o.type == pdfium.FPDF_PAGEOBJ_IMAGE
+        ],
         "n_paths": sum(o.type == pdfium.FPDF_PAGEOBJ_PATH for o in objects),
         "picture": np.asarray(page.render(scale=1).to_pil().convert("RGB")).astype(int),
         "lowest": min((o.get_bounds()[1] for o in objects if o.type == pdfium.FPDF_PAGEOBJ_IMAGE), default=np.inf),

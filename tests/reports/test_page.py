@@ -38,6 +38,14 @@ def page(browser, report):
         assert page.complaints() == []
 
 
+@pytest.fixture(scope="module")
+def still(browser, report):
+    """A page that tests read and do not change: a new one for each takes a second."""
+    with opened(browser, report) as page:
+        yield page
+        assert page.complaints() == []
+
+
 def planted(report, tmp_path, old, new):
     """The report with a fault in one of its scripts, which its policy lets run."""
     text = report.read_text(encoding="utf-8")
@@ -112,8 +120,8 @@ def test_words_filter_the_rows_and_empty_groups_go(page):
     assert page.do("[...document.querySelectorAll('#cells tbody')].map((body) => body.hidden)") == [True, False]
 
 
-def test_the_link_holds_every_cell_with_all_digits(page, report):
-    link = page.do("document.querySelector('a[download]').href")
+def test_the_link_holds_every_cell_with_all_digits(still, report):
+    link = still.do("document.querySelector('a[download]').href")
 
     table = pd.read_csv(io.BytesIO(base64.b64decode(link.split(",", 1)[1])))
     cells = pd.read_parquet(report.parent / "cells.parquet")
@@ -133,8 +141,8 @@ def points(page, x):
     )
 
 
-def test_points_stand_where_the_logarithms_of_their_numbers_are(page, report):
-    check_positions(page, report)
+def test_points_stand_where_the_logarithms_of_their_numbers_are(still, report):
+    check_positions(still, report)
 
 
 @pytest.mark.parametrize(
@@ -239,21 +247,21 @@ def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
     assert "max_error at shading time" in shown[0]
 
 
-def test_the_pareto_front_is_ringed(page, report):
+def test_the_pareto_front_is_ringed(still, report):
     data = data_of(report.read_text(encoding="utf-8"))
     case = next(figure for figure in data["figures"] if figure["name"] == "costs")["cases"][0]
     shade = next(panel for panel in case["panels"] if panel["name"] == "shade")
 
-    rings = page.do("""document.querySelectorAll('.plots [data-x="shade"] circle.front').length""")
+    rings = still.do("""document.querySelectorAll('.plots [data-x="shade"] circle.front').length""")
 
     assert rings == len(data["pool"][shade["fronts"]]) >= 4
 
 
-def test_what_the_reference_cannot_resolve_is_hollow(page, report):
+def test_what_the_reference_cannot_resolve_is_hollow(still, report):
     cells = pd.read_parquet(report.parent / "cells.parquet")
     expected = cells[cells.at_noise_floor & (cells.reference_key == "ref0")].key.tolist()
 
-    hollow = page.do("""[...document.querySelectorAll('.plots [data-x="over"] .point')]
+    hollow = still.do("""[...document.querySelectorAll('.plots [data-x="over"] .point')]
         .filter((point) => point.firstChild.getAttribute('fill') === 'var(--paper)')
         .map((point) => point.dataset.key)""")
 
@@ -261,10 +269,10 @@ def test_what_the_reference_cannot_resolve_is_hollow(page, report):
     assert len(expected) == 1
 
 
-def test_numbers_of_the_script_are_those_of_the_tables(page):
+def test_numbers_of_the_script_are_those_of_the_tables(still):
     values = [0.012345, 1236.4, -2.5e-7, 0, 0.9996, 65536, 3.1e7, 1e-4, 9.9999e-5, 123456, 999999, 0.5, -0.00379]
 
-    said = page.do(f"{(TEMPLATES / 'numbers.js').read_text()}\n{json.dumps(values)}.map((value) => number(value))")
+    said = still.do(f"{(TEMPLATES / 'numbers.js').read_text()}\n{json.dumps(values)}.map((value) => number(value))")
 
     assert said == [style.format_number(value) for value in values]
 
@@ -492,8 +500,8 @@ def luminance(colour):
     return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722]
 
 
-def test_every_control_has_a_name(page):
-    unnamed = page.do(
+def test_every_control_has_a_name(still):
+    unnamed = still.do(
         """[...document.querySelectorAll('button, select, input, a[href], [tabindex="0"]')].filter((each) =>
             !(each.textContent.trim() || each.getAttribute('aria-label') || each.labels?.length))
             .map((each) => each.outerHTML.slice(0, 80))"""

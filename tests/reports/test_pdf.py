@@ -53,10 +53,14 @@ def plain(monkeypatch):
     monkeypatch.setattr(pdf, "_arrange_images", lambda *_: (None, []))
 
 
-@pytest.fixture
-def imageless(monkeypatch):
-    """What is said of plots needs no images."""
-    monkeypatch.setattr(pdf, "_arrange_images", lambda *_: (None, []))
+@pytest.fixture(scope="module")
+def text_of_a_sweep(tmp_path_factory):
+    """The text of a report of three materials, of which two are many; what is said of plots needs no images."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pdf, "_arrange_images", lambda *_: (None, []))
+        patch.setattr(pdf, "MANY_PLACES", 2)
+        folder = three_materials(tmp_path_factory.mktemp("sweep") / "materials", [1, 4, 64])
+        return text_of(pdf.write_report(folder).read_bytes())
 
 
 def test_first_page_has_title_question_verdicts_and_a_picture(report):
@@ -278,8 +282,8 @@ def test_a_crop_is_found_to_the_pixel(size):
         assert choose_crops([error], np.ones(size, bool), 1.0, 1) == [Crop(x, y, side, side)]
 
 
-def test_what_a_study_sweeps_is_plotted_first(imageless, tmp_path):
-    text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())
+def test_what_a_study_sweeps_is_plotted_first(text_of_a_sweep):
+    text = text_of_a_sweep
 
     assert "spots, kurt, sphere: rms over s of the material" in text
     assert text.index("rms over s of the material") < text.index("rms over samples and against costs")
@@ -405,12 +409,12 @@ def test_tables_of_many_cells_move_to_the_appendix(folder, plain, monkeypatch):
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
-    """Of six materials twenty lines each, all of one method."""
+    """Of three materials twenty lines each, all of one method."""
     folder = write_results(tmp_path_factory.mktemp("many") / "many", budgets=(4,))
     row = pd.read_parquet(folder / "cells.parquet").iloc[0].to_dict()
     image = folder / "images" / f"{row['key']}.exr"
     rows = []
-    for s in range(6):
+    for s in range(3):
         for levels in range(20):
             key = f"{s}-{levels}"
             (folder / "images" / f"{key}.exr").hardlink_to(image)
@@ -424,7 +428,10 @@ def many(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def pages_of_many(many):
-    return pages_of(pdf.write_report(many).read_bytes())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pdf, "MANY_PLACES", 2)
+        patch.setattr(pdf, "MANY_CELLS", 30)
+        return pages_of(pdf.write_report(many).read_bytes())
 
 
 def test_with_many_lines_no_page_is_a_heading_alone_and_no_image_is_cut(pages_of_many):
@@ -475,10 +482,10 @@ def long_material(tmp_path):
 def test_a_report_of_many_conditions_stays_short(pages_of_many):
     images = [page for page in pages_of_many if len(page["images"]) > 6]
 
-    assert len(images) <= 2 + 2 * 6  # the answer, and at most two pages a condition
+    assert len(images) <= 2 + 2 * 3  # the answer, and at most two pages a condition
     text = " ".join(" ".join(page["text"] for page in pages_of_many).split())
-    assert text.count("against costs") == 6 + 1
-    assert text.count("over all 6 conditions against costs") == 1
+    assert text.count("against costs") == 3 + 1
+    assert text.count("over all 3 conditions against costs") == 1
     assert text.index("Appendix B: Plots of the other conditions") < text.rindex("against costs")
 
 
@@ -490,13 +497,9 @@ def test_a_single_method_is_named_once_in_a_key(pages_of_many):
         assert "regular_sampling (levels l" not in text
 
 
-def test_along_a_swept_parameter_one_condition_is_shown_for_many(imageless, tmp_path, monkeypatch):
-    monkeypatch.setattr(pdf, "MANY_PLACES", 2)
-
-    text = text_of(pdf.write_report(three_materials(tmp_path / "materials", [1, 4, 64])).read_bytes())
-
-    assert text.count("rms over samples and against costs") == 1
-    assert "the first of 3 conditions of the study: rms over samples and against costs" in text
+def test_along_a_swept_parameter_one_condition_is_shown_for_many(text_of_a_sweep):
+    assert text_of_a_sweep.count("rms over samples and against costs") == 1
+    assert "the first of 3 conditions of the study: rms over samples and against costs" in text_of_a_sweep
 
 
 def test_templates_are_part_of_the_package():

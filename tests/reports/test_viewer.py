@@ -18,7 +18,7 @@ from matplotlib import colormaps
 
 from glossbench.metrics.perceptual import FLIP
 from glossbench.reports import style
-from glossbench.reports.page import html, payload, scripts
+from glossbench.reports.page import html, payload
 from glossbench.run.results import Results
 from oracles.discs import N, write_results
 
@@ -83,9 +83,13 @@ def srgb(linear):
     return 255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def on_canvas(page, pane=0):
+def screen_of(page):
+    """The colours of the stage, all panes of it."""
+    return page.pixels(".viewer-stage").astype(float)
+
+
+def on_canvas(page, screen, pane=0):
     """Colours (n, 3) on the screen at the middles of image pixels that a pane shows, and those pixels' (y, x)."""
-    screen = page.pixels(".viewer-stage").astype(float)
     shown = page.do(
         f"(({{rect, origin, scale}}) => [rect.x, rect.y, rect.width, rect.height, origin.x, origin.y, scale])"
         f"(glossbenchViewer.panes[{pane}])"
@@ -105,16 +109,23 @@ def on_canvas(page, pane=0):
     return screen[row[seen].astype(int), column[seen].astype(int)], (y[seen], x[seen])
 
 
-def check_image(page, folder, index, pane=0, stops=0.0, group=0, tone=lambda v: v):
+def check_image(page, folder, index, pane=0, stops=0.0, group=0, tone=lambda v: v, screen=None):
     """A pane shows this image: radiance, exposed, through the tone curve and the sRGB curve."""
     image = truth(folder, index, group)
     exposure = 2**stops / np.percentile(image.y[image.mask].max(axis=1), 99)
     expected = srgb(tone(np.clip(exposure * image.x, 0, None)))
-    colours, at = on_canvas(page, pane)
+    colours, at = on_canvas(page, screen_of(page) if screen is None else screen, pane)
     shown = image.mask[at]
     assert shown.sum() > 300
     # Half floats round by 2^-12 of a value at most, which is 0.06 of a level; then each rounds to a level.
     assert np.abs(colours - expected[at])[shown].max() <= 1
+
+
+def check_images(page, folder, *indices, **how):
+    """The panes show these images, all in one picture of the screen."""
+    screen = screen_of(page)
+    for pane, index in enumerate(indices):
+        check_image(page, folder, index, pane, screen=screen, **how)
 
 
 def error_of(mode, x, y):
@@ -140,7 +151,7 @@ def errors_of(folder, mode):
     return {i: error_of(mode, image.x, image.y) for i, image in images.items()}
 
 
-def check_error(page, folder, mode, index, limit=None, pane=0):
+def check_error(page, folder, mode, index, limit=None, pane=0, screen=None):
     """A pane shows an error in the colours of one scale for all images of the group."""
     errors = errors_of(folder, mode)
     mask = truth(folder, 0).mask
@@ -148,7 +159,7 @@ def check_error(page, folder, mode, index, limit=None, pane=0):
     v = np.clip(errors[index] / limit, -1, 1)
     place = 127 + 127 * v if mode == "signed" else 254 * v
     colour_map = colormaps["RdBu_r" if mode == "signed" else "magma"].resampled(255)
-    colours, at = on_canvas(page, pane)
+    colours, at = on_canvas(page, screen_of(page) if screen is None else screen, pane)
     shown = mask[at]
     assert shown.sum() > 300
     # Rounding of half floats, and of FLIP to 1/256, may move an error to the next of 255 colours.
@@ -210,8 +221,7 @@ def test_keys_are_left_alone_while_the_focus_is_elsewhere(page):
 def test_slider_parts_a_and_b(painter, browser, folder):
     with opened(browser, folder, painter) as page:
         change(page, "{layout: 'split', image: 5, other: 1}")
-        check_image(page, folder, 1, pane=0)
-        check_image(page, folder, 5, pane=1)
+        check_images(page, folder, 1, 5)
 
         x, y, width, height = page.box(".viewer-stage")
         page.drag((x + width / 2, y + height / 2), (x + 0.7 * width, y + height / 2))
@@ -219,8 +229,7 @@ def test_slider_parts_a_and_b(painter, browser, folder):
 
         assert page.do("glossbenchViewer.state.split") == pytest.approx(0.7, abs=0.01)
         assert page.do("glossbenchViewer.handle.getAttribute('aria-valuenow')") == "70"
-        check_image(page, folder, 1, pane=0)
-        check_image(page, folder, 5, pane=1)
+        check_images(page, folder, 1, 5)
         page.key("Home")
         page.do("glossbenchViewer.handle.focus()")
         page.key("Home")
@@ -232,8 +241,7 @@ def test_slider_parts_a_and_b(painter, browser, folder):
 def test_zoom_and_pan_are_linked_over_all_images(painter, browser, folder):
     with opened(browser, folder, painter) as page:
         change(page, "{layout: 'all'}")
-        for pane in range(6):
-            check_image(page, folder, pane, pane)
+        check_images(page, folder, *range(6))
         before = page.do("glossbenchViewer.panes[0].scale")
         x, y, *_ = page.box(".viewer-stage")
         frame = page.do("glossbenchViewer.panes[4].rect")
@@ -247,16 +255,14 @@ def test_zoom_and_pan_are_linked_over_all_images(painter, browser, folder):
         page.wait(READY)
 
         assert page.do(under % (at[0] - x, at[1] - y)) == pytest.approx(pixel, abs=0.05)  # stays under the pointer
-        for pane in range(6):
-            check_image(page, folder, pane, pane)
+        check_images(page, folder, *range(6))
         centre = page.do("glossbenchViewer.state.centre")
         page.drag(at, (at[0] - 40, at[1] - 20))
         page.wait(READY)
         moved, scale = page.do("[glossbenchViewer.state.centre, glossbenchViewer.state.zoom]")
         assert moved["x"] - centre["x"] == pytest.approx(40 / scale)
         assert moved["y"] - centre["y"] == pytest.approx(20 / scale)
-        for pane in range(6):
-            check_image(page, folder, pane, pane)
+        check_images(page, folder, *range(6))
 
 
 def test_the_wheel_scrolls_the_page_until_the_images_are_clicked(page):
@@ -291,9 +297,10 @@ def test_error_modes_share_one_scale(painter, browser, folder):
         for mode in ("signed", "absolute", "squared", "relative", "smape", "flip"):
             change(page, f"{{layout: 'all', mode: '{mode}'}}")
 
+            screen = screen_of(page)
             for pane in range(1, 6):
-                check_error(page, folder, mode, pane, pane=pane)
-            check_image(page, folder, 0)  # the reference has no error
+                check_error(page, folder, mode, pane, pane=pane, screen=screen)
+            check_image(page, folder, 0, screen=screen)  # the reference has no error
 
 
 def test_a_range_of_the_user_rules_all_images_and_the_colour_bar(page, folder):
@@ -305,8 +312,9 @@ def test_a_range_of_the_user_rules_all_images_and_the_colour_bar(page, folder):
     page.wait("glossbenchViewer.state.range === 0.5")
     page.wait(READY)
 
+    screen = screen_of(page)
     for pane in (1, 3, 5):
-        check_error(page, folder, "signed", pane, 0.5, pane)
+        check_error(page, folder, "signed", pane, 0.5, pane, screen)
     assert page.text(".viewer-ticks").split() == ["−0.50", "−0.25", "0", "0.25", "0.50"]
     bar = page.pixels(".viewer-scale canvas").astype(float)
     row = bar[len(bar) // 2]
@@ -326,19 +334,17 @@ def test_exposure_and_tone_curve_are_linked(painter, browser, folder):
         for name, curve in curves.items():
             change(page, f"{{layout: 'all', tone: '{name}', stops: -1.5}}")
 
-            for pane in range(6):
-                check_image(page, folder, pane, pane, stops=-1.5, tone=curve)
+            check_images(page, folder, *range(6), stops=-1.5, tone=curve)
 
 
-def planted(old, new):
-    """Pages whose scripts have this fault, under the hashes of the scripts that they are."""
-
-    def module(names):
-        script = scripts.join_module(names)
-        source = script.source.replace(old, new)
-        return script if source == script.source else scripts.Script(source, hash_of(source))
-
-    return module
+def planted(folder, old, new, to):
+    """A folder with the same page, one script of which has this fault, under the hash of the script that it is."""
+    page = (folder / "report.html").read_text()
+    [script] = [each for each in re.findall("<script[^>]*>(.*?)</script>", page, re.DOTALL) if old in each]
+    faulty = script.replace(old, new)
+    assert hash_of(script) in page
+    (to / "report.html").write_text(page.replace(script, faulty).replace(hash_of(script), hash_of(faulty)))
+    return to
 
 
 def hash_of(source):
@@ -358,13 +364,8 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(("old", "new", "mode"), FAULTS.values(), ids=FAULTS)
-def test_the_checks_notice(old, new, mode, browser, folder, tmp_path, monkeypatch):
-    shutil.copytree(folder, tmp_path / "faulty")
-    monkeypatch.setattr(html, "join_module", planted(old, new))
-    html.write_report(tmp_path / "faulty")
-    assert new in (tmp_path / "faulty" / "report.html").read_text()
-
-    with opened(browser, tmp_path / "faulty") as page:
+def test_the_checks_notice(old, new, mode, browser, folder, tmp_path):
+    with opened(browser, planted(folder, old, new, tmp_path)) as page:
         change(page, f"{{layout: 'all', mode: '{mode}'}}")
         check = partial(check_image, page, folder) if mode == "image" else partial(check_error, page, folder, mode)
         with pytest.raises(AssertionError):
@@ -372,14 +373,10 @@ def test_the_checks_notice(old, new, mode, browser, folder, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("name", ["signed", "relative"])
-def test_the_checks_notice_an_error_that_webgl_gets_wrong(name, browser, folder, tmp_path, monkeypatch):
+def test_the_checks_notice_an_error_that_webgl_gets_wrong(name, browser, folder, tmp_path):
     faults = {"signed": ("vec3 d = x.rgb - y;", "vec3 d = y - x.rgb;"), "relative": ("abs(y) + epsilon", "abs(y)")}
-    old, new = faults[name]
-    shutil.copytree(folder, tmp_path / "faulty")
-    monkeypatch.setattr(html, "join_module", planted(old, new))
-    html.write_report(tmp_path / "faulty")
 
-    with opened(browser, tmp_path / "faulty", "webgl2") as page:
+    with opened(browser, planted(folder, *faults[name], tmp_path), "webgl2") as page:
         change(page, f"{{layout: 'all', mode: '{name}'}}")
         with pytest.raises(AssertionError):
             check_error(page, folder, name, 3, pane=3)
@@ -476,23 +473,30 @@ def test_zooming_colours_no_image_again(browser, folder):
         assert page.do("coloured") == before
 
 
-@pytest.fixture
-def beside(folder, tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def large(folder, tmp_path_factory):
     """The same results, with images too large for the page."""
-    monkeypatch.setattr(payload, "INLINE", 0)
-    shutil.copytree(folder, tmp_path / "large")
-    html.write_report(tmp_path / "large")
-    return tmp_path / "large"
+    copy = shutil.copytree(folder, tmp_path_factory.mktemp("large") / "large")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(payload, "INLINE", 0)
+        html.write_report(copy)
+    return copy
 
 
-def test_large_images_are_files_next_to_the_page(beside, folder, browser):
-    files = sorted((beside / "report_images").iterdir())
+@pytest.fixture
+def beside(large, tmp_path):
+    """They, in a folder of one's own."""
+    return shutil.copytree(large, tmp_path / "large")
 
-    with opened(browser, beside) as page:
+
+def test_large_images_are_files_next_to_the_page(large, folder, browser):
+    files = sorted((large / "report_images").iterdir())
+
+    with opened(browser, large) as page:
         change(page, "{layout: 'one', image: 4}")
 
         assert len(files) == 12
-        assert (beside / "report.html").stat().st_size < (folder / "report.html").stat().st_size
+        assert (large / "report.html").stat().st_size < (folder / "report.html").stat().st_size
         check_image(page, folder, 4)
         assert page.complaints() == []
 
@@ -514,9 +518,10 @@ def test_image_files_of_an_older_page_are_removed(beside, folder, monkeypatch):
     Results(beside).disk.own("report_images/old.js")  # by a page of this program; what others put there stays
     (beside / "report_images" / "old.js").write_text("")
 
-    html.write_report(beside)
+    with monkeypatch.context() as patch:
+        patch.setattr(payload, "INLINE", 0)
+        html.write_report(beside)
     assert {path.name for path in (beside / "report_images").iterdir()} == names
-    monkeypatch.undo()
     html.write_report(beside)
     assert not (beside / "report_images").exists()
 
@@ -624,15 +629,11 @@ def test_two_fingers_zoom_and_one_scrolls_the_page_until_zoomed_in(browser, fold
     check_fingers(browser, folder)
 
 
-def test_the_check_of_fingers_notices_a_page_that_they_cannot_scroll(browser, folder, tmp_path, monkeypatch):
-    shutil.copytree(folder, tmp_path / "faulty")
-    monkeypatch.setattr(
-        html, "join_module", planted("touchAction = this.state.zoom === null", "touchAction = this.state.zoom === 0")
-    )
-    html.write_report(tmp_path / "faulty")
+def test_the_check_of_fingers_notices_a_page_that_they_cannot_scroll(browser, folder, tmp_path):
+    fault = "touchAction = this.state.zoom === null", "touchAction = this.state.zoom === 0"
 
     with pytest.raises(AssertionError):
-        check_fingers(browser, tmp_path / "faulty")
+        check_fingers(browser, planted(folder, *fault, tmp_path))
 
 
 def check_fingers(browser, folder):

@@ -16,7 +16,7 @@ from glossbench.strict_json import restore_numbers, seal, unseal
 from oracles.flat_studies import Flat, interrupting, registered, remains, study_in
 
 STUDY = {
-    "methods": "[{flat: {samples: [1, 2]}}, {regular_sampling: }]",
+    "methods": "[{flat: {samples: [1, 2]}}, {regular_sampling: {samples: 4}}]",
     "claims": "[{text: A, lower: flat, than: regular_sampling, metric: rms}]",
     "metrics": "[rms, flip]",
 }

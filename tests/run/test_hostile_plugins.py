@@ -3,13 +3,11 @@
 import json
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 import torch
@@ -20,6 +18,7 @@ from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.shading.method import METHODS
 from glossbench.study.study import Study, load_study
+from oracles.forks import Ended, ran
 
 TIMES = [
     "stage_seconds", "update_seconds", "shade_seconds", "shade_seconds_low", "shade_seconds_high", "shade_runs", "busy",
@@ -83,6 +82,7 @@ material: {ggx: {alpha: 0.5}}
 view: {sphere: {resolution: 4}}
 methods: METHODS
 reference: {relative_error: 0.2}
+metrics: [rms, mean_error]
 time_limit: LIMIT
 plugins: [hostile_plugin]
 """
@@ -113,7 +113,7 @@ def maker(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Study]
     return make
 
 
-def decent_cells(folder: Path) -> list[tuple[Any, ...]]:
+def decent_cells(folder: Path) -> list[tuple[str, bytes]]:
     """Columns, except times, and the image of each decent cell; keys differ with the plug-in's source."""
     results = Results(folder)
     cells = results.cells
@@ -164,25 +164,21 @@ FAULTS = {
 
 @pytest.fixture(scope="module")
 def faulty(tmp_path_factory):
-    """A run of one hostile cell for each fault with a decent cell after each, and a run of the decent cells alone."""
+    """A run of one hostile cell for each fault with a decent cell after each."""
     budgets = range(1, len(FAULTS) + 1)
+    methods = [f"{{{name}: {{samples: {n}}}}}" for n in budgets for name in ("hostile", "decent")]
     shade = "".join(
         f"if self.samples == {n}:\n            {code}\n        "
         for n, (code, _) in zip(budgets, FAULTS.values(), strict=True)
     )
-    decent = [f"{{decent: {{samples: {n}}}}}" for n in budgets]
-    both = [method for n in budgets for method in (f"{{hostile: {{samples: {n}}}}}", decent[n - 1])]
     with METHODS.isolated(), pytest.MonkeyPatch.context() as patch:
         make = maker(tmp_path_factory.mktemp("faulty"), patch)
-        return [
-            run_study(make(shade, methods=f"[{', '.join(methods)}]"), tmp_path_factory.mktemp("r") / "r")
-            for methods in (both, decent)
-        ]
+        return run_study(make(shade, methods=f"[{', '.join(methods)}]"), tmp_path_factory.mktemp("r") / "r")
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_hostile_cell_fails_with_its_reason(faulty, fault):
-    cells = faulty[0].cells[faulty[0].cells["method"] == "hostile"].reset_index()
+    cells = faulty.cells[faulty.cells["method"] == "hostile"].reset_index()
     row = [*FAULTS].index(fault)
 
     assert cells["status"][row] == "failed"
@@ -190,11 +186,20 @@ def test_a_hostile_cell_fails_with_its_reason(faulty, fault):
     assert FAULTS[fault][1] in cells["reason"][row].splitlines()[-1]
 
 
-def test_the_cells_after_hostile_ones_have_the_same_bytes(faulty):
-    after, alone = (decent_cells(results.folder) for results in faulty)
+def test_the_cells_after_hostile_ones_have_the_same_bytes(faulty, undisturbed):
+    """All show the same image, whichever samples they state, and so do those that run alone."""
+    after = decent_cells(faulty.folder)
 
-    assert len(alone) == len(FAULTS)
-    assert after == alone
+    assert len(after) == len(FAULTS)
+    assert {without_options(cell) for cell in after} == {without_options(cell) for cell in undisturbed}
+    stated = [json.loads(json.loads(row)["options"])["samples"] for row, _ in after]
+    assert stated == [*range(1, len(FAULTS) + 1)]
+
+
+def without_options(cell: tuple[str, bytes]) -> tuple[str, bytes]:
+    """A decent cell without its options, which change nothing else."""
+    row, image = cell
+    return json.dumps({name: value for name, value in json.loads(row).items() if name != "options"}), image
 
 
 def test_a_stage_that_writes_into_another_stage_is_named(study_of, tmp_path, undisturbed):
@@ -263,16 +268,16 @@ def test_an_interrupt_inside_a_cell_is_an_interrupt(study_of, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("shade", "error", "words"),
+    ("shade", "limit", "error", "words"),
     [
-        ("raise ValueError('x')", ValueError, "x"),
-        ("sys.exit(0)", MethodError, r"hostile raised SystemExit\(0\)"),
-        ("time.sleep(100)", TimeoutError, "took more than the time limit of 0.5 s"),
+        ("raise ValueError('x')", 60, ValueError, "x"),
+        ("sys.exit(0)", 60, MethodError, r"hostile raised SystemExit\(0\)"),
+        ("time.sleep(100)", 1, TimeoutError, "took more than the time limit of 1 s"),
     ],
 )
-def test_fail_fast_ends_with_an_error_whatever_was_raised(study_of, tmp_path, shade, error, words):
+def test_fail_fast_ends_with_an_error_whatever_was_raised(study_of, tmp_path, shade, limit, error, words):
     with pytest.raises(error, match=words):
-        run_study(study_of(shade, limit=0.5), tmp_path / "r", fail_fast=True)
+        run_study(study_of(shade, limit=limit), tmp_path / "r", fail_fast=True)
 
     assert len(list((tmp_path / "r" / "cells").iterdir())) == 1
 
@@ -374,11 +379,11 @@ STUBBORN = {
 }
 
 
-def ran(folder: Path) -> "subprocess.CompletedProcess[str]":
+def ran_to(folder: Path) -> Ended:
+    """Runs the study next to a folder in another process, with the results in that folder."""
     here = folder.parent
-    environment = os.environ | {"PYTHONPATH": str(here), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [sys.executable, "-c", RUN, here / "s.yaml", folder]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    variables = {"PYTHONPATH": str(here), "PYTHONDONTWRITEBYTECODE": "1"}
+    return ran(RUN, here / "s.yaml", folder, log=here / "log", **variables)
 
 
 @pytest.mark.parametrize("kind", STUBBORN)
@@ -388,7 +393,7 @@ def test_a_cell_that_cannot_be_interrupted_ends_the_process_and_the_next_run_con
     study = study_of(STUBBORN[kind], limit=1)
     folder = tmp_path / "r"
 
-    done = ran(folder)
+    done = ran_to(folder)
 
     why = "took more than the time limit of 1 s, and could not be interrupted"
     assert done.returncode == 1
@@ -409,7 +414,7 @@ def test_a_cell_that_cannot_be_interrupted_ends_the_process_and_the_next_run_con
 def test_native_code_that_lets_no_thread_run_is_ended_with_a_traceback(study_of, tmp_path):
     study_of("sum(range(10**13))", limit=1)
 
-    done = ran(tmp_path / "r")
+    done = ran_to(tmp_path / "r")
 
     assert done.returncode == 1
     assert done.stderr.startswith("Timeout (0:00:0")

@@ -4,11 +4,11 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,16 @@ import torch
 
 from glossbench.envmap.formats.files import read_file, write_exr
 from glossbench.errors import InputError
+from glossbench.run.cell_keys import Identity
+from glossbench.run.executor import Executor
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.run.tuning import tune_option
 from glossbench.study.cells import Tuning
 from glossbench.study.document import read_document
-from glossbench.study.study import load_study
+from glossbench.study.study import Study, load_study
 from oracles.flat_studies import CALLS, Flat, interrupting, registered, remains, study_in
+from oracles.forks import started
 
 
 @pytest.fixture(autouse=True)
@@ -65,8 +68,10 @@ def assert_whole(folder: Path) -> None:
 # Killed and restarted
 
 EVERY_KIND = {
-    "methods": "[{flat: {samples: [1, 2, 101], level: {tune: distance}}}, other, {regular_sampling: }]",
+    "methods": "[{flat: {samples: [1, 2, 101], level: {tune: distance}}}, other, {regular_sampling: {samples: 4}}]",
     "claims": "[{text: A, lower: flat, than: other, metric: rms}]",
+    "title": "'1e-3'",
+    "source": "'yes'",
 }
 
 
@@ -103,38 +108,50 @@ def test_progress_names_the_stage_that_is_under_way(study_of, tmp_path):
     assert [text for text in told if text.startswith("flat")] == ["flat", "flat: mean_light", "flat"]
 
 
-def test_a_run_interrupted_after_any_cell_ends_with_the_same_bytes(unbroken, tmp_path):
+def test_a_run_interrupted_after_each_cell_ends_with_the_same_bytes(unbroken, tmp_path):
     study, expected = unbroken
+    folder = tmp_path / "r"
 
     for k in range(len(study.cells())):
-        folder = tmp_path / f"after_{k}"
         with pytest.raises(KeyboardInterrupt):
             run_study(study, folder, progress=Progress(cell=interrupting(lambda row: None, k)))
+        assert len(list((folder / "cells").iterdir())) == k + 1
         assert not (folder / "cells.parquet").exists()
-        run_study(study, folder)
+    run_study(study, folder)
 
-        assert remains(folder) == expected
-        assert_whole(folder)
+    assert remains(folder) == expected
+    assert_whole(folder)
 
 
-def test_a_run_interrupted_in_any_write_ends_with_the_same_bytes(study_of, tmp_path, monkeypatch):
-    study = study_of(methods="[flat, {regular_sampling: }]")
-    writes = []
-    with monkeypatch.context() as patch:
-        really = os.replace
-        patch.setattr(os, "replace", lambda *paths: (writes.append(paths), really(*paths)))
-        expected = remains(run_study(study, tmp_path / "counted").folder)
+def test_a_run_interrupted_in_each_write_ends_with_the_same_bytes(study_of, tmp_path, monkeypatch):
+    """Each run goes on from the one before, until the first write in which none was interrupted so far."""
+    study = study_of(methods="[flat, {regular_sampling: {samples: 4}}]")
+    expected = remains(run_study(study, tmp_path / "unbroken").folder)
+    folder, really = tmp_path / "r", os.replace
+    interrupted: set[tuple[Path, int]] = set()  # a file, and how often the run had written it
 
-    for k in range(len(writes)):
-        folder = tmp_path / f"write_{k}"
-        with monkeypatch.context() as patch:
-            patch.setattr(os, "replace", interrupting(os.replace, k))
-            with pytest.raises(KeyboardInterrupt):
-                run_study(study, folder)
-        run_study(study, folder)
+    def interrupted_once(part: Path, path: Path) -> None:
+        if threading.current_thread() is threading.main_thread():  # not in the beat of a reservation
+            written.append(path)
+            place = path, written.count(path)
+            if place not in interrupted:
+                interrupted.add(place)
+                raise KeyboardInterrupt
+        really(part, path)
 
-        assert remains(folder) == expected
-        assert_whole(folder)
+    has_ended = False
+    while not has_ended:
+        written: list[Path] = []
+        with monkeypatch.context() as patch, suppress(KeyboardInterrupt):
+            patch.setattr(os, "replace", interrupted_once)
+            run_study(study, folder)
+            has_ended = True
+        assert not [*folder.rglob(".*"), *folder.rglob("*.part")]
+        assert len(interrupted) < 100
+
+    assert {path.name for path, _ in interrupted} >= {path.name for path in folder.rglob("*") if path.is_file()}
+    assert remains(folder) == expected
+    assert_whole(folder)
 
 
 def test_files_written_in_place_would_be_half_written(study_of, tmp_path, monkeypatch):
@@ -150,12 +167,12 @@ def test_files_written_in_place_would_be_half_written(study_of, tmp_path, monkey
     with monkeypatch.context() as patch:
         patch.setattr("glossbench.run.folder.replacing", in_place)
         with pytest.raises(KeyboardInterrupt):
-            run_study(study_of(), tmp_path / "r")
+            run_study(study_of(methods="flat"), tmp_path / "r")
     [row] = (tmp_path / "r" / "cells").iterdir()
     assert len(row.read_bytes()) == 50
     said = []
 
-    run_study(study_of(), tmp_path / "r", progress=Progress(note=said.append))
+    run_study(study_of(methods="flat"), tmp_path / "r", progress=Progress(note=said.append))
 
     assert said == [f"{row} is damaged: this cell is computed again"]
 
@@ -196,12 +213,9 @@ if "KILL_AT_WRITE" in os.environ:
 """
 RUN = """
 import sys
-from pathlib import Path
-from typing import Any
-from typing import Any
 from glossbench.run.runner import run_study
 from glossbench.study.study import load_study
-run_study(load_study(sys.argv[1]), Path(sys.argv[2]))
+run_study(load_study(sys.argv[1]), sys.argv[2])
 """
 
 
@@ -214,19 +228,15 @@ def slow_study(study_of, tmp_path, monkeypatch):
     return study_of(methods="{slow: {samples: [1, 2, 3]}}", plugins="[runner_test_plugin]")
 
 
-def started(tmp_path: Path, folder: Path, **variables: str) -> subprocess.Popen[bytes]:
-    environment = os.environ | {"PYTHONPATH": str(tmp_path)} | variables
-    return subprocess.Popen([sys.executable, "-c", RUN, tmp_path / "s.yaml", folder], env=environment)
-
-
 def test_a_process_killed_between_cells_ends_with_the_same_bytes(slow_study, tmp_path):
     folder = tmp_path / "killed"
-    process = started(tmp_path, folder, SLOW="0.2")
+    process = started(RUN, tmp_path / "s.yaml", folder, PYTHONPATH=str(tmp_path), SLOW="0.2")
     while not list(folder.glob("cells/*.json")):
-        assert process.poll() is None
+        assert process.is_alive()
         time.sleep(0.01)
     process.kill()
-    assert process.wait() == -signal.SIGKILL
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
     n_done = len(list(folder.glob("cells/*.json")))
 
     run_study(slow_study, folder)
@@ -239,8 +249,9 @@ def test_a_process_killed_between_cells_ends_with_the_same_bytes(slow_study, tmp
 
 def test_a_process_killed_in_a_write_leaves_nothing_half_written(slow_study, tmp_path):
     folder = tmp_path / "killed"
-    process = started(tmp_path, folder, KILL_AT_WRITE="8")
-    assert process.wait() == -signal.SIGKILL
+    process = started(RUN, tmp_path / "s.yaml", folder, PYTHONPATH=str(tmp_path), KILL_AT_WRITE="8")
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
     left = list(folder.rglob(".*"))
 
     run_study(slow_study, folder)
@@ -315,13 +326,13 @@ def test_an_image_nearer_than_twice_the_noise_is_at_the_noise_floor(study_of, tm
 
 
 def test_one_stage_serves_all_methods_and_budgets(study_of, tmp_path, several_runs):
-    run_study(study_of(methods="[{flat: {samples: [1, 2, 3]}}]"), tmp_path / "one")
+    run_study(study_of(methods="[{flat: {samples: 1}}]"), tmp_path / "one")
     for_one = CALLS["mean_light"]
     CALLS.clear()
 
-    run_study(study_of(methods="[{flat: {samples: [1, 2, 3]}}, {other: {samples: [1, 2]}}]"), tmp_path / "two")
+    run_study(study_of(methods="[{flat: {samples: [1, 2]}}, other]"), tmp_path / "two")
 
-    # A stage is timed, so it runs several times, but no oftener for five cells than for three.
+    # A stage is timed, so it runs several times, but no oftener for three cells than for one.
     cells = Results(tmp_path / "two").cells
     assert CALLS["mean_light"] == for_one
     assert for_one >= 3
@@ -335,9 +346,9 @@ def test_a_stage_that_reads_the_budget_is_not_shared(study_of, tmp_path):
     for_one = CALLS["mean_light"]
     CALLS.clear()
 
-    run_study(study_of(methods="[{reckless: {samples: [1, 2, 3]}}]"), tmp_path / "three")
+    run_study(study_of(methods="[{reckless: {samples: [1, 2]}}]"), tmp_path / "two")
 
-    assert CALLS["mean_light"] == 3 * for_one
+    assert CALLS["mean_light"] == 2 * for_one
 
 
 def test_another_light_gets_other_stages(study_of, tmp_path):
@@ -377,6 +388,22 @@ def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, 
     assert remains(first_again) == before
 
 
+def identities_of(study: Study, folder: Path) -> list[Identity]:
+    """What the cells of a study are known by, before one of them is run."""
+    executor = Executor(study, Results(folder), Progress())
+    executor.results.create()
+    known = [executor.keys.identify(cell) for cell in study.cells()]
+    assert [each.error for each in known] == [None] * len(known)
+    return known
+
+
+def test_the_keys_of_a_run_are_known_before_it(study_of, first, tmp_path):
+    known, cells = identities_of(study_of(), tmp_path / "r"), Results(first).cells
+
+    assert [each.key for each in known] == list(cells["key"])
+    assert [each.reference_key for each in known] == list(cells["reference_key"])
+
+
 @pytest.mark.parametrize(
     ("change", "new_reference"),
     [
@@ -395,20 +422,20 @@ def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, 
 def test_all_that_changes_a_number_changes_the_key(study_of, first, tmp_path, change, new_reference):
     first = Results(first).cells
 
-    second = run_study(study_of(**change), tmp_path / "second").cells
+    second = identities_of(study_of(**change), tmp_path / "second")
 
-    assert set(first["key"]).isdisjoint(second["key"])
-    assert (first["reference_key"][0] != second["reference_key"][0]) == new_reference
+    assert set(first["key"]).isdisjoint(each.key for each in second)
+    assert (first["reference_key"][0] != second[0].reference_key) == new_reference
 
 
 @pytest.mark.parametrize("change", [{"title": "U"}, {"question": "why"}, {"claims": "[]"}])
-def test_what_changes_no_number_changes_no_key(study_of, first_again, change):
+def test_what_changes_no_number_changes_no_key(study_of, first, tmp_path, change):
     """Twin of the above."""
-    first = Results(first_again).cells
+    first = Results(first).cells
 
-    second = run_study(study_of(**change), first_again).cells
+    second = identities_of(study_of(**change), tmp_path / "second")
 
-    assert list(first["key"]) == list(second["key"])
+    assert list(first["key"]) == [each.key for each in second]
 
 
 def test_a_cached_cell_bears_the_seed_and_the_file_of_this_run(study_of, tmp_path):
@@ -425,13 +452,11 @@ def test_a_cached_cell_bears_the_seed_and_the_file_of_this_run(study_of, tmp_pat
     assert Path(json.loads(cells["light_options"][0])["file"]).name == "b.exr"
 
 
-def test_the_study_on_disk_loads_as_the_study_that_ran(study_of, tmp_path):
-    study = study_of(title="'1e-3'", source="'yes'", **EVERY_KIND)
+def test_the_study_on_disk_loads_as_the_study_that_ran(whole):
+    study, results = whole
 
-    results = run_study(study, tmp_path / "r")
-
-    assert load_study(tmp_path / "r" / "study.yaml") == study
-    assert results.study == study.resolved() == read_document(tmp_path / "r" / "study.yaml").data
+    assert load_study(results.folder / "study.yaml") == study
+    assert results.study == study.resolved() == read_document(results.folder / "study.yaml").data
 
 
 # Tuning
