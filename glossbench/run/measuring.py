@@ -51,14 +51,16 @@ def measure(
     """
     tuned: dict[str, float] = {}
 
-    def compute_metric(metric: Metric, image: Image, reference: Reference = truth) -> float:
-        seen, recorded = (replace(each, radiance=view.recorded(each.radiance)) for each in (image, reference))
-        return check_number(metric.name, copy_of(metric)(seen, recorded))
+    def compute_metric(metric: Metric, image: Image, *references: Reference) -> list[float]:
+        """The metric against each of some references."""
+        pairs = [[replace(x, radiance=view.recorded(x.radiance)) for x in (image, each)] for each in references]
+        with guarded(type(metric)):
+            values = [copy_of(metric)(seen, recorded) for seen, recorded in pairs]
+        return [check_number(metric.name, value) for value in values]
 
     def with_left_out(metric: Metric, image: Image) -> list[float]:
         """The metric against the whole reference, then without each group; only the first if any is not finite."""
-        with guarded(type(metric)):
-            values = [compute_metric(metric, image, each) for each in (truth, *truth.left_out(metric.n_groups))]
+        values = compute_metric(metric, image, truth, *truth.left_out(metric.n_groups))
         return values if np.isfinite(values).all() else values[:1]
 
     def shade_candidate(candidate: Method, time_it: bool) -> Image:
@@ -69,9 +71,9 @@ def measure(
         least = metrics[tune.metric] if tune.metric in metrics else METRICS.create(tune.metric, {})
 
         def measure_error(value: float) -> float:
-            image = shade_candidate(replace(method, **{tune.option: value}), time_it=False)
-            with guarded(type(least)):
-                return compute_metric(least, image)
+            candidate = replace(method, **{tune.option: value})
+            [error] = compute_metric(least, shade_candidate(candidate, time_it=False), truth)
+            return error
 
         tuned = {tune.option: tune_option(tune, measure_error)}
         method = replace(method, **tuned)
