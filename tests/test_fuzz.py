@@ -2,7 +2,6 @@
 
 import random
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -11,16 +10,15 @@ import pytest
 
 from glossbench.errors import InputError
 from oracles import fuzz
+from oracles.forks import ran
 
-TESTS = str(Path(__file__).parent)
 # 2000 mutated studies are refused from 44 places of the code, 1000 of them from 41; an image takes a thousandth of a
 # second, a study twenty.
 N_INPUTS = {"studies": 1000, "images": 2000}
-RUN = f"""
+RUN = """
 import sys
-sys.path.insert(0, {TESTS!r})
 from oracles import fuzz
-for given in {{calls}}:
+for given in {calls}:
     sys.argv[1:] = given
     if fuzz.main():
         sys.exit(1)
@@ -31,7 +29,7 @@ def test_mutated_studies_and_images_load_or_are_refused(tmp_path):
     logs = {target: tmp_path / target for target in ("studies", "images")}
     calls = [[target, str(n), "--log", str(logs[target])] for target, n in N_INPUTS.items()]
 
-    done = subprocess.run([sys.executable, "-c", RUN.format(calls=calls)], capture_output=True, text=True, timeout=600)
+    done = ran(RUN.format(calls=calls), log=tmp_path / "log", seconds=600)
 
     at = {target: log.read_text() for target, log in logs.items() if log.exists()}
     assert done.returncode == 0, f"at the end at number {at}:\n{done.stdout}{done.stderr}"
@@ -75,11 +73,9 @@ def test_the_fuzzer_notices(monkeypatch, load, fault):
 
 
 def test_the_number_of_an_input_that_kills_the_process_is_known(tmp_path):
-    program = f"import sys; sys.path.insert(0, {TESTS!r})\nimport os\nfrom oracles import fuzz\n" \
-              "fuzz.load_study = lambda path: os.abort()\nfuzz.main()"  # fmt: skip
-    command = [sys.executable, "-c", program, "studies", "2", "--seed", "7", "--log", tmp_path / "log"]
+    program = "import os\nfrom oracles import fuzz\nfuzz.load_study = lambda path: os.abort()\nfuzz.main()"
 
-    done = subprocess.run(command, capture_output=True, timeout=120)
+    done = ran(program, "studies", "2", "--seed", "7", "--log", tmp_path / "log", log=tmp_path / "said")
 
     assert done.returncode == -signal.SIGABRT
     assert (tmp_path / "log").read_text() == "7"

@@ -13,6 +13,17 @@ TEST_MODULES = {path.stem for path in SOURCES if path.stem.startswith("test_")}
 EACH_FILE = [pytest.param(source, id=str(path)) for path, source in SOURCES.items()]
 
 
+@cache
+def nodes(source: str) -> list[ast.AST]:
+    """All nodes of a source."""
+    return [*ast.walk(ast.parse(source))]
+
+
+def last_name(node: ast.expr) -> str:
+    """The last name of a dotted one; nothing of another expression."""
+    return node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
+
+
 def test_the_walk_sees_the_tests():
     assert {Path("test_tests.py"), Path("envmap/test_cubemap.py"), Path("oracles/z_scores.py")} <= SOURCES.keys()
 
@@ -23,7 +34,7 @@ def test_the_walk_sees_the_tests():
 def imported_tests(source: str) -> set[str]:
     """Test modules that a source imports, at any depth of its code."""
     found = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(source):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -107,12 +118,13 @@ def is_private(name: str) -> bool:
 def private_names(source: str) -> set[str]:
     """Private names of others that a source reads, imports, or replaces by name; not those of its own `self`."""
     found = set()
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Attribute) and ast.unparse(node.value) not in ("self", "cls", "os", "super()"):
-            found.add(node.attr)
+    for node in nodes(source):
+        if isinstance(node, ast.Attribute):
+            if is_private(node.attr) and ast.unparse(node.value) not in ("self", "cls", "os", "super()"):
+                found.add(node.attr)
         elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "glossbench":
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in ("setattr", "delattr", "getattr"):
+        elif isinstance(node, ast.Call) and last_name(node.func) in ("setattr", "delattr", "getattr"):
             words = [a.value for a in node.args[:2] if isinstance(a, ast.Constant) and isinstance(a.value, str)]
             found |= {word.split(".")[-1] for word in words}
     return {name for name in found if is_private(name)}
@@ -125,9 +137,12 @@ def test_private_names_are_used_only_for_a_stated_reason(source):
 
 def names_of_its_own(source: str) -> set[str]:
     """Names that a source defines, as attributes or functions."""
-    tree = ast.parse(source)
-    stored = {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute) and ast.unparse(n.value) == "self"}
-    return stored | {n.name for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)}
+    stored = {
+        n.attr
+        for n in nodes(source)
+        if isinstance(n, ast.Attribute) and isinstance(n.value, ast.Name) and n.value.id == "self"
+    }
+    return stored | {function.name for function in functions(source)}
 
 
 @pytest.mark.parametrize(
@@ -148,13 +163,13 @@ def test_a_private_name_is_noticed(source):
 
 @cache
 def functions(source: str) -> list[ast.FunctionDef]:
-    return [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
+    return [node for node in nodes(source) if isinstance(node, ast.FunctionDef)]
 
 
 @cache
 def calls(function: ast.FunctionDef) -> set[str]:
     """Last names of what a function calls."""
-    return {ast.unparse(n.func).split(".")[-1] for n in ast.walk(function) if isinstance(n, ast.Call)}
+    return {last_name(n.func) for n in ast.walk(function) if isinstance(n, ast.Call)}
 
 
 def asserts(function: ast.FunctionDef) -> bool:

@@ -59,7 +59,7 @@ class ProcessRestorer:
         self._modules = dict(sys.modules)
         self._registered = [(registry, dict(registry._classes)) for registry in Registry.every]
         owners = [owner for owner in _find_owners(self._modules) if owner.__name__ not in self._but]
-        self._members = [(owner, vars(owner).copy()) for owner in owners]  # for classes, dict() takes five times longer
+        self._members = [(owner, vars(owner).copy()) for owner in owners]  # dict() would look up each member of a class
         self._settings = [(setting, _read_value(setting)) for setting in (*SETTINGS, *GENERATORS)]
         threading.Thread.start = _make_daemonic(self._thread, threading.Thread.start)  # type: ignore[method-assign]
 

@@ -51,19 +51,17 @@ def measure(
     """
     tuned: dict[str, float] = {}
 
-    def compute_metric(metric: Metric, seen: Image, reference: Reference = truth) -> float:
-        own = copy_of(metric) if is_foreign(type(metric)) else metric  # a plug-in may write into it
-        value = own(seen, replace(reference, radiance=view.recorded(reference.radiance)))
-        return check_number(metric.name, value)
-
-    def see(image: Image) -> Image:
-        return replace(image, radiance=view.recorded(image.radiance))
+    def compute_metric(metric: Metric, image: Image, *references: Reference) -> list[float]:
+        """The metric against each of some references."""
+        pairs = [[replace(x, radiance=view.recorded(x.radiance)) for x in (image, each)] for each in references]
+        with guarded(type(metric)):
+            owns = (copy_of(metric) if is_foreign(type(metric)) else metric for _ in pairs)  # a plug-in may write into it
+            values = [own(seen, recorded) for own, (seen, recorded) in zip(owns, pairs, strict=True)]
+        return [check_number(metric.name, value) for value in values]
 
     def with_left_out(metric: Metric, image: Image) -> list[float]:
         """The metric against the whole reference, then without each group; only the first if any is not finite."""
-        seen = see(image)
-        with guarded(type(metric)):
-            values = [compute_metric(metric, seen, each) for each in (truth, *truth.left_out(metric.n_groups))]
+        values = compute_metric(metric, image, truth, *truth.left_out(metric.n_groups))
         return values if np.isfinite(values).all() else values[:1]
 
     def shade_candidate(candidate: Method, time_it: bool) -> Image:
@@ -74,9 +72,9 @@ def measure(
         least = metrics[tune.metric] if tune.metric in metrics else METRICS.create(tune.metric, {})
 
         def measure_error(value: float) -> float:
-            seen = see(shade_candidate(replace(method, **{tune.option: value}), time_it=False))
-            with guarded(type(least)):
-                return compute_metric(least, seen)
+            candidate = replace(method, **{tune.option: value})
+            [error] = compute_metric(least, shade_candidate(candidate, time_it=False), truth)
+            return error
 
         tuned = {tune.option: tune_option(tune, measure_error)}
         method = replace(method, **tuned)

@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -17,7 +16,8 @@ from glossbench.commands import run as run_command
 from glossbench.envmap.formats.files import write_exr
 from glossbench.run.results import Results
 from glossbench.study.study import load_study
-from oracles.command_line import STUDY, files_under, process, words
+from oracles.command_line import STUDY, files_under, words
+from oracles.forks import ran
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -82,11 +82,15 @@ def test_a_log_gets_a_line_of_progress_now_and_then(call, monkeypatch):
 
 
 def test_another_process_prints_the_same_kind_of_end(here):
-    done = subprocess.run(process("run", "tiny.yaml", "-o", "elsewhere"), capture_output=True, text=True)
+    code = "import glossbench.commands.run as run\n" \
+        "run._report_writers = lambda: {'html': lambda folder: folder / 'report.html'}\n" \
+        "from glossbench.commands.cli import main; main()"  # fmt: skip
+
+    done = ran(code, "run", "tiny.yaml", "-o", "elsewhere", log=here / "log")
 
     said = [line for line in done.stderr.splitlines() if "were timed while" not in line]  # the machine may be busy
     assert (done.returncode, said) == (0, [])
-    assert done.stdout.splitlines()[-2] == "report: elsewhere/report.html"
+    assert done.stdout.splitlines()[-1] == "report: elsewhere/report.html"
     assert (here / "elsewhere" / "cells.parquet").is_file()
 
 
@@ -230,7 +234,7 @@ def test_an_interrupted_process_ends_with_130(here):
         "r.compute_reference = lambda *a: (os.kill(os.getpid(), signal.SIGINT), time.sleep(60))\n" \
         "from glossbench.commands.cli import main; main()"  # fmt: skip
 
-    done = subprocess.run([sys.executable, "-c", code, "run", "tiny.yaml"], capture_output=True, text=True)
+    done = ran(code, "run", "tiny.yaml", log=here / "log")
 
     assert done.returncode == 130
     assert words(done.stderr).startswith("interrupted: ")

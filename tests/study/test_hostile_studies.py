@@ -1,7 +1,6 @@
 """Broken studies through the command line: one line that says what and where, exit code 2, nothing written."""
 
 import os
-import subprocess
 import sys
 import time
 import tracemalloc
@@ -13,6 +12,7 @@ import pytest
 from glossbench.commands import cli
 from glossbench.errors import InputError
 from glossbench.study.study import load_study
+from oracles.forks import ran
 
 
 class Called(NamedTuple):
@@ -309,8 +309,7 @@ def test_another_process_ends_with_2_and_one_line(here):
     Path("my.yaml").write_text(content())
     main = "from glossbench.commands.cli import main; main()"
 
-    done = subprocess.run([sys.executable, "-c", main, "validate", "my.yaml"], capture_output=True, text=True,
-                          env=os.environ | {"PYTHONPATH": str(here)}, timeout=120)  # fmt: skip
+    done = ran(main, "validate", "my.yaml", log=here / "log", PYTHONPATH=str(here))
 
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.count("\n") == 1
