@@ -127,7 +127,8 @@ def find_differences(
     errors: list[Change] = []
     times: list[Change] = []
     untimed: Counter[str] = Counter()
-    broken, repaired = [], []
+    broken: list[tuple[Row, Row]] = []
+    repaired: list[tuple[Row, Row]] = []
     for pair in match.pairs:
         a, b = ([row for row in rows if row["status"] == "done"] for rows in pair)
         if a and b:

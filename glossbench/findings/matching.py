@@ -84,7 +84,7 @@ def _group(rows: Iterable[Row], shared: Held) -> dict[str, list[Row]]:
         ]
         whole = [[*item, own] for item, own in items.items()]
         groups.setdefault(_to_text(known), {}).setdefault(_to_text(whole), []).append(row)
-    found = {}
+    found: dict[str, list[Row]] = {}
     for key, members in groups.items():
         found |= {key: next(iter(members.values()))} if len(members) == 1 else members
     return found

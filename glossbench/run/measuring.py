@@ -55,7 +55,8 @@ def measure(
         """The metric against each of some references."""
         pairs = [[replace(x, radiance=view.recorded(x.radiance)) for x in (image, each)] for each in references]
         with guarded(type(metric)):
-            owns = (copy_of(metric) if is_foreign(type(metric)) else metric for _ in pairs)  # a plug-in may write into it
+            # A plug-in may write into itself.
+            owns = (copy_of(metric) if is_foreign(type(metric)) else metric for _ in pairs)
             values = [own(seen, recorded) for own, (seen, recorded) in zip(owns, pairs, strict=True)]
         return [check_number(metric.name, value) for value in values]
 
