@@ -215,7 +215,6 @@ def test_keys_walk_along_lines_and_between_them(page):
 
 def test_the_key_hides_and_shows_a_line(page):
     n = len(points(page, "over"))
-    page.do("document.querySelector('.plots').scrollIntoView()")  # the viewer above grows once it comes near
 
     page.click_on(".key button")
     without = points(page, "over")
