@@ -1,5 +1,6 @@
 """The decision of a report: ranks of methods at equal budgets, Pareto fronts in numbers, and which method to take."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -58,7 +59,7 @@ def decide(report: Report) -> Decision | None:
     if not has_choice(choices):
         return None
     explained = " ".join([TAKE, *_list_notes(report, choices)])
-    return Decision(_make_decision_table(report, choices), _make_rank_table(choices), explained)
+    return Decision(_make_decision_table(report, choices), _make_rank_table(report, choices), explained)
 
 
 def has_choice(choices: Choices) -> bool:
@@ -79,10 +80,10 @@ def _make_decision_table(report: Report, still: Choices) -> Table:
                 Entry(format_number(step.milliseconds), split),
                 Entry(format_number(choices.mean_error(step)), ratio and f"× {ratio}"),
                 Entry(format_number(step.megabytes)),
-                Entry(_describe_splits(choices, step)),
+                Entry(_shorten(report, _describe_splits(choices, step))),
             ]
             cell = cells[step.configuration.cells[step.slowest][0]["key"]]
-            rows.append(Row([step.configuration.name], entries, cell=cell))
+            rows.append(Row([_shorten(report, step.configuration.name)], entries, cell=cell))
             before = step
         parts.append(Part(title, rows))
     metric = report.columns[still.trials.metric]
@@ -123,7 +124,7 @@ def _describe_splits(choices: Choices, step: Choice) -> str:
     return "; ".join(f"{_join(names)}: {name}" for name, names in found.items())
 
 
-def _make_rank_table(choices: Choices) -> Table:
+def _make_rank_table(report: Report, choices: Choices) -> Table:
     """One part for each budget; methods without a budget are in all parts."""
     trials, members = choices.trials, choices.all
     budgets = sorted({each.configuration.budget for each in members if each.configuration.budget is not None})
@@ -137,13 +138,13 @@ def _make_rank_table(choices: Choices) -> Table:
         if len(own) > 1:
             title = f"budget {budget:g}" if budget is not None else ""
             ranks = average(rank(trials.orders, [each.index for each in own]), weights)
-            parts.append(Part(title, _list_ranks(choices, own, ranks, fronts)))
+            parts.append(Part(title, _list_ranks(report, choices, own, ranks, fronts)))
     heads = [Head("rank"), Head(trials.metric), *(Head(FRONTS[cost], group="front", is_number=False) for cost in costs)]
     return Table([Head("method", is_number=False)], heads, parts)
 
 
 def _list_ranks(
-    choices: Choices, own: Sequence[Choice], ranks: Sequence[Mean], fronts: Mapping[str, Mask]
+    report: Report, choices: Choices, own: Sequence[Choice], ranks: Sequence[Mean], fronts: Mapping[str, Mask]
 ) -> list[Row]:
     rows = []
     lowest, *others = sorted(ranks, key=lambda each: each.value)
@@ -155,7 +156,7 @@ def _list_ranks(
             Entry(format_number(choices.mean_error(each))),
         ]
         entries += [_describe_front(choices.trials, front[each.index]) for front in fronts.values()]
-        rows.append(Row([each.configuration.name], entries))
+        rows.append(Row([_shorten(report, each.configuration.name)], entries))
     return rows
 
 
@@ -171,6 +172,11 @@ def _describe_front(trials: Trials, is_on: Mask) -> Entry:
     told = [f"{_join(every)}"] if every else []
     told += [f"partly {_join(partly)}"] if partly else []
     return Entry(f"{n} of {of}", "; ".join(told) if len(lights) > 1 else "")
+
+
+def _shorten(report: Report, text: str) -> str:
+    """A text with the names of configurations; of a single method only the options are left."""
+    return re.sub(rf"\b{re.escape(report.sole_method)} \((.*?)\)", r"\1", text) if report.sole_method else text
 
 
 def _is_mixed(on: Sequence[bool]) -> bool:

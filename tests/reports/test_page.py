@@ -186,7 +186,7 @@ def test_the_pointer_on_a_point_shows_its_cell_and_marks_it_in_every_plot(page):
     assert tip.startswith("regular_sampling")
     assert "light samples per pixel: 16" in tip
     assert "shading time [ms]: 1.60" in tip
-    marked = page.do("[...document.querySelectorAll('.point.active')].map((point) => point.dataset.key)")
+    marked = page.do("[...document.querySelectorAll('.point.active[data-key]')].map((point) => point.dataset.key)")
     assert set(marked) == {"regular_sampling-16-0"}
     # Over samples, shading time, new light, geometry and view, and memory; a new material costs nothing here.
     assert len(marked) == 6
@@ -238,7 +238,7 @@ def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
     choose(page, "plot-group", 2)
     choose(page, "plot-metric", "max_error")
 
-    keys = page.do("[...document.querySelectorAll('.plots .point')].map((point) => point.dataset.key)")
+    keys = page.do("[...document.querySelectorAll('.plots .point[data-key]')].map((point) => point.dataset.key)")
     shown = page.do("[...document.querySelectorAll('.equal')].filter((e) => e.offsetHeight).map((e) => e.innerText)")
     assert {key[-2:] for key in keys} == {"-1"}
     assert page.do("document.querySelector('.plots svg .axes').lastChild.textContent") == "max_error [radiance]"
@@ -378,8 +378,10 @@ def test_over_samples_each_material_is_a_place_with_costs(browser, materials):
     with opened(browser, materials) as page:
         choose(page, "plot-over", page.do("[...document.querySelectorAll('#plot-over option')].at(-1).value"))
         title = page.do("document.getElementById('plot-group').selectedOptions[0].text")
-        keys = page.do("[...document.querySelectorAll('.plots .point')].map((point) => point.dataset.key)")
-        n = page.do("[...document.querySelectorAll('.plots figure')].filter((f) => !f.hidden).length")
+        keys = page.do("[...document.querySelectorAll('.plots .point[data-key]')].map((point) => point.dataset.key)")
+        n = page.do(
+            "[...document.querySelectorAll('.plots figure:has(.point[data-key])')].filter((f) => !f.hidden).length"
+        )
 
         assert title == "spots, kurt (s 1), sphere"
         assert {key[-2:] for key in keys} == {"-0"}
