@@ -1,5 +1,6 @@
 """Names are found at the first use, from any thread, and after an import that was interrupted."""
 
+import pickle
 import sys
 import threading
 import time
@@ -8,9 +9,14 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from glossbench import registry as module
+from glossbench.brdf.material import MATERIALS
+from glossbench.envmap.lights.light import LIGHTS
 from glossbench.errors import InputError
+from glossbench.metrics import METRICS
 from glossbench.options import Options
 from glossbench.registry import Registry
+from glossbench.scene.points import VIEWS
+from glossbench.shading.method import METHODS
 
 HOME = """
 import time, sys
@@ -107,3 +113,10 @@ def test_what_a_plug_in_registered_before_it_failed_is_not_kept(home, monkeypatc
 
     assert registry.names() == ["first"]
     assert "then this" in caplog.text
+
+
+@pytest.mark.parametrize("registry", [LIGHTS, MATERIALS, VIEWS, METHODS, METRICS], ids=lambda each: each.kind)
+def test_every_class_of_a_name_can_be_sent_to_a_worker(registry):
+    classes = list(map(registry.get, registry.names()))
+
+    assert pickle.loads(pickle.dumps(classes)) == classes

@@ -1,5 +1,6 @@
 """Names of the catalogue in registries: one registered class per file, and a hint if a name is of another kind."""
 
+import sys
 from collections.abc import Iterable
 from typing import TypeVar
 
@@ -28,4 +29,5 @@ def register_entries(registry: Registry[T], base: type[T], stated: Iterable[Entr
     for each in stated:
         about = f"{each.stresses[0].upper()}{each.stresses[1:]}: {each.file} of the catalogue.\n\n{options}"
         members = {"__doc__": about, "__module__": base.__module__, "__qualname__": each.name}
-        registry.register(each.name)(type(each.name, (base,), members))
+        made = registry.register(each.name)(type(each.name, (base,), members))
+        setattr(sys.modules[base.__module__], each.name, made)  # where pickle looks for it, on a worker, too

@@ -50,7 +50,7 @@ def run_on_dask(
         InputError: there is no such scheduler, or it is gone; cells that are done are kept.
     """
     rows: dict[int, Row] = {}
-    board = _Board(progress)
+    board = Board(progress)
     with _connected(address) as client:
         from distributed import KilledWorker, as_completed
 
@@ -141,7 +141,7 @@ def _connected(address: str) -> Iterator[Any]:
                     each.close(timeout=10)
 
 
-class _Board:
+class Board:
     """The progress of all workers in one line; each cell is counted once."""
 
     def __init__(self, progress: Progress) -> None:

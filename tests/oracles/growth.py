@@ -21,7 +21,7 @@ from glossbench.commands.printing import say
 from glossbench.envmap.lights.file_light import make_light
 from glossbench.run.batches import Batch, Settings, Task
 from glossbench.run.cell_keys import Identity
-from glossbench.run.on_dask import _Board
+from glossbench.run.on_dask import Board
 from glossbench.run.remote import RemoteStore
 from glossbench.run.runner import Progress, run_study
 from oracles.flat_studies import registered, study_in
@@ -68,7 +68,7 @@ def count_operations(folder: Path) -> tuple[Counter[str], float, float, dict[str
 
 async def time_of_a_message(row: dict) -> float:
     """Seconds of the processor from a worker to the board of the run, for the row of a cell."""
-    board = _Board(Progress())
+    board = Board(Progress())
     async with (
         Scheduler(host="127.0.0.1", port=0, dashboard=False) as scheduler,
         Worker(scheduler.address, host="127.0.0.1", nthreads=1, dashboard=False),
