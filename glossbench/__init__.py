@@ -18,6 +18,9 @@ from typing import TYPE_CHECKING, Any
 # This must be set before torch starts its threads: on a busy machine they would spin while they wait
 # (docs/decisions/006).
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+# And this before torch's first tensor: to touch new memory page by page takes three times as long as to fill it
+# (docs/decisions/006).
+os.environ.setdefault("THP_MEM_ALLOC_ENABLE", "1")
 
 if TYPE_CHECKING:
     from glossbench.brdf.material import Material

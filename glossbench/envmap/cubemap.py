@@ -156,14 +156,17 @@ def texel_solid_angles(resolution: int) -> Float64[Tensor, "{resolution} {resolu
     return corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
 
 
-def add_border(faces: Tensor, width: int = 1) -> Tensor:
+def add_border(faces: Tensor, width: int = 1, out: Tensor | None = None) -> Tensor:
     """Faces (6, R, R, C) with a border of `width` texels from the adjoining faces: (6, R + 2w, R + 2w, C).
 
     Border row k beyond an edge is row k inside the adjoining face. Beyond a corner of the cube there is no texel: the
     border holds the mean of the three texels that meet at this corner.
+
+    Args:
+        out: where to write the result; by default, new memory.
     """
     r = faces.shape[1]
-    out = faces.new_empty(6, r + 2 * width, r + 2 * width, faces.shape[3])
+    out = faces.new_empty(6, r + 2 * width, r + 2 * width, faces.shape[3]) if out is None else out
     inner = slice(width, r + width)
     out[:, inner, inner] = faces
     index = _edge_texels(r, width).to(faces.device)

@@ -62,7 +62,7 @@ def paraboloid_directions(resolution: int) -> Vec3:
     return Vec3(*(torch.stack(pair).float() for pair in ((x, x), (y, y), (-z, z))))
 
 
-def repeat_edge(images: Tensor, width: int) -> Tensor:
-    """Images (K, R, R, 3) with their outermost texels repeated `width` times."""
+def repeat_edge(images: Tensor, width: int, out: Tensor) -> Tensor:
+    """Write images (K, R, R, 3) with their outermost texels repeated `width` times into `out`."""
     planes = images.permute(0, 3, 1, 2)
-    return pad(planes, (width, width, width, width), mode="replicate").permute(0, 2, 3, 1).contiguous()
+    return out.copy_(pad(planes, (width, width, width, width), mode="replicate").permute(0, 2, 3, 1))

@@ -29,7 +29,8 @@ FILTERS: dict[str, tuple[float, ...]] = {
 
 
 Taps = tuple[tuple[Int[Tensor, "*#pairs"], ...], tuple[Values, ...]]  # rows of a table of texels, and their weights
-Border = Callable[[Tensor, int], Tensor]  # images (K, R, R, 3), width -> images with borders of that width
+# Writes images (K, R, R, 3) with borders of a width into a tensor (K, R + 2 width, R + 2 width, 3).
+Border = Callable[[Tensor, int, Tensor], Tensor]
 
 
 class Environment(Protocol):
@@ -144,26 +145,38 @@ def build_mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) ->
     counts = [n_images * (n + 2) ** 2 for n in sizes]
     offsets = [sum(counts[:level]) for level in range(len(sizes))]
     texels = images.new_empty(sum(counts), 3)
-    for offset, count in zip(offsets, counts, strict=True):
-        texels[offset : offset + count] = border(images, 1).view(-1, 3)
-        if images.shape[1] > 1:
-            width = len(taps) // 2 - 1
-            images = halve(border(images, width) if width else images, taps)
+    width = len(taps) // 2 - 1
+    margin = max(width, 1)  # the same border is used for the filter and the table
+    for offset, count, n in zip(offsets, counts, sizes, strict=True):
+        level = texels[offset : offset + count].view(n_images, n + 2, n + 2, 3)
+        padded = level if margin == 1 else images.new_empty(n_images, n + 2 * margin, n + 2 * margin, 3)
+        border(images, margin, padded)
+        if margin > 1:
+            level.copy_(padded[:, margin - 1 : 1 - margin, margin - 1 : 1 - margin])
+        if n > 1:
+            images = halve(padded if width else images, taps)
     starts, edges = torch.tensor([offsets, sizes], dtype=torch.int32, device=texels.device)
     return texels, starts, edges
 
 
 def halve(padded: Tensor, taps: tuple[float, ...]) -> Tensor:
     """Halves images of R texels, padded by len(taps) / 2 - 1: the separable filter is centred on each 2x2 block."""
-    height, width = (n - len(taps) + 1 for n in padded.shape[1:3])
-    rows = _combine([padded[:, k : k + height : 2] for k in range(len(taps))], taps)
-    return _combine([rows[:, :, k : k + width : 2] for k in range(len(taps))], taps)
+    n_images, *edges, channels = padded.shape
+    height, width = ((n - len(taps)) // 2 + 1 for n in edges)
+    out = padded.new_empty(n_images, height, width, channels)
+    for image, half in zip(padded, out, strict=True):  # one by one, so that the rows are still in the cache
+        rows = _combine([image[k::2][:height] for k in range(len(taps))], taps)
+        columns = [rows[:, 0::2], rows[:, 1::2]]
+        if len(taps) > 2:  # each is read more than once
+            columns = [each.contiguous() for each in columns]
+        _combine([columns[k % 2][:, k // 2 :][:, :width] for k in range(len(taps))], taps, half)
+    return out
 
 
-def _combine(slices: list[Tensor], taps: tuple[float, ...]) -> Tensor:
+def _combine(slices: list[Tensor], taps: tuple[float, ...], out: Tensor | None = None) -> Tensor:
     """sum of taps[k] slices[k] / sum(taps) for a symmetric filter: two slices share each tap."""
     half, total = len(taps) // 2, sum(taps)
-    out = (slices[half - 1] + slices[half]).mul_(taps[half] / total)
+    out = torch.add(slices[half - 1], slices[half], out=out).mul_(taps[half] / total)
     for k in range(half - 1):
         out.add_(slices[k], alpha=taps[k] / total).add_(slices[-1 - k], alpha=taps[k] / total)
     return out

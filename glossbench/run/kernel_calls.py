@@ -1,7 +1,7 @@
 """The kernels that the cells of a study call, and how much work they have: found by running cells with few points.
 
-Cells that differ only in their light, in the budget of their method or in other real numbers that are not 0 call the same kernels,
-and so do cells that show another mesh or another virtual cube: only one of them is run.
+Cells that differ only in their light, in the budget of their method or in other real numbers that are not 0 call the
+same kernels, and so do cells that show another mesh or another virtual cube: only one of them is run.
 """
 
 import json

@@ -73,6 +73,7 @@ def time_work(work: Callable[[], Any], device: str = "cpu", patience: float = 0.
     counted = [first] if first > STARTED else []
     watch, spent = Watch(), 0.0
     while spent < patience or len(counted) < (LEAST_RUNS if sum(counted) < LONG else 2):
+        value = None  # it may be large, and the next run makes it again
         value, seconds = _run(work, device)
         counted.append(seconds)
         spent += max(seconds, patience / 5)

@@ -127,8 +127,8 @@ def test_a_gradient_stays_linear_except_for_the_curvature_of_the_sphere(mip_filt
 
 
 def test_the_gradient_check_notices_a_neighbour_read_the_wrong_way_round():
-    def wrong(images, width):
-        out = add_border(images, width)
+    def wrong(images, width, out):
+        add_border(images, width, out)
         out[:, :width] = out[:, :width].flip(2)
         return out
 
@@ -216,10 +216,10 @@ def test_radiance_is_continuous_across_edges_at_every_level(mip_filter):
 
 @pytest.mark.parametrize("fault", ["zeros", "repeated"])
 def test_the_seam_check_notices_a_border_without_the_neighbours(fault):
-    def wrong(images, width):
+    def wrong(images, width, out):
         mode = "constant" if fault == "zeros" else "replicate"
         planes = images.permute(0, 3, 1, 2)
-        return torch.nn.functional.pad(planes, (width,) * 4, mode).permute(0, 2, 3, 1).contiguous()
+        return out.copy_(torch.nn.functional.pad(planes, (width,) * 4, mode).permute(0, 2, 3, 1))
 
     pyramid = Pyramid(*build_mip_levels(random_light(32).faces, FILTERS["box"], wrong))
 
