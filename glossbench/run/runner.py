@@ -112,17 +112,19 @@ def run_study(
             progress.doing("kernels")
             choices.plan(calls_of(own_cells, study.reference, PATIENCE), progress.doing)
         tasks = [Task(i, *each, rerun_failed) for i, each in enumerate(zip(cells, known, strict=True))]
-        if dask is not None and not all(results.has_cell(each.key) and not again for each in known):
-            # A cell whose key is not known has failed here already.
-            groups = plan(task for task in tasks if task.known.error is None)
-            settings = Settings.of(uuid4().hex, study, source, use_cache, fail_fast)
-            rows = run_on_dask(dask, groups, settings, Plugins.of(study), results.store, progress)
-            tasks = [task for task in tasks if task.known.error is not None]
-        with choosing(choices.choose):
-            for task in sorted(tasks, key=lambda task: task.known.ended):  # cells that ended the process come last
-                rows[task.place] = executor.run(task.cell, task.known, rerun_failed)
-                progress.cell(rows[task.place])
-        choices.gather()
+        try:
+            if dask is not None and not all(results.has_cell(each.key) and not again for each in known):
+                # A cell whose key is not known has failed here already.
+                groups = plan(task for task in tasks if task.known.error is None)
+                settings = Settings.of(uuid4().hex, study, source, use_cache, fail_fast)
+                rows = run_on_dask(dask, groups, settings, Plugins.of(study), results.store, progress)
+                tasks = [task for task in tasks if task.known.error is not None]
+            with choosing(choices.choose):
+                for task in sorted(tasks, key=lambda task: task.known.ended):  # cells that ended the process come last
+                    rows[task.place] = executor.run(task.cell, task.known, rerun_failed)
+                    progress.cell(rows[task.place])
+        finally:
+            choices.gather()
         if dask is None and spent:
             spent.append(measure_memory(cells))
         remember(spent)

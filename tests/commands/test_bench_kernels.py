@@ -7,7 +7,9 @@ from glossbench.commands.bench_kernels import method_calls
 
 
 def test_each_method_that_sums_over_points_comes_with_the_pairs_of_its_call(monkeypatch):
-    monkeypatch.setattr(bench_kernels, "PATIENCE", 2.0)
+    every = bench_kernels._variants
+    quick = lambda samples: [each for each in every(samples) if not each[1].contract.quick]  # noqa: E731
+    monkeypatch.setattr(bench_kernels, "_variants", quick)  # without those whose stages take long
 
     found = {name: (call.kernel.name, pairs) for name, call, pairs in method_calls(cube=16, view=8, samples=4)}
 

@@ -87,7 +87,7 @@ def test_figures_are_listed_and_written(call):
     by_default = call("figure", "results/tiny", "answer").out
 
     assert [line.split()[0] for line in listed.splitlines() if line] == [
-        "answer", "convergence", "costs", "crops", "images", "profile"
+        "answer", "convergence", "costs", "crops", "fronts", "images", "profile"
     ]  # fmt: skip
     assert (code, out) == (0, "figure: c.svg\n")
     assert Path("c.svg").read_text().startswith("<svg")
