@@ -1,15 +1,17 @@
 """The kernels that `glossbench bench` measures."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from glossbench.commands import bench_kernels
 from glossbench.commands.bench_kernels import method_calls
+from glossbench.shading.method import METHODS
 
 
 def test_each_method_that_sums_over_points_comes_with_the_pairs_of_its_call(monkeypatch):
-    every = bench_kernels._variants
-    quick = lambda samples: [each for each in every(samples) if not each[1].contract.quick]  # noqa: E731
-    monkeypatch.setattr(bench_kernels, "_variants", quick)  # without those whose stages take long
+    quick = [name for name in METHODS.names() if not METHODS.get(name).contract.quick]  # whose stages take no minutes
+    monkeypatch.setattr(bench_kernels, "METHODS", SimpleNamespace(names=lambda: quick, get=METHODS.get))
 
     found = {name: (call.kernel.name, pairs) for name, call, pairs in method_calls(cube=16, view=8, samples=4)}
 
