@@ -146,24 +146,19 @@ def test_a_scheduler_that_is_killed_ends_the_run_with_one_line_and_what_is_done_
     assert processes_of_runs() <= before
 
 
-def test_a_cell_that_cannot_be_interrupted_fails_alone_and_an_interrupted_run_leaves_no_process(tmp_path, monkeypatch):
+def test_a_cell_that_cannot_be_interrupted_fails_alone_and_an_interrupted_run_leaves_no_process(study, tmp_path):
     before = processes_of_runs()
     before_planted = "        if self.samples == 3"
     (tmp_path / "dask_test_plugin.py").write_text(PLUGIN.replace(before_planted, HANGS[1:] + before_planted))
-    # Two materials, so that the run is far from its end when it is interrupted after the first cell.
-    two = STUDY.replace("{ggx: {alpha: 0.5}}", "[{ggx: {alpha: 0.5}}, {kurt: {m: 0.3}}]")
-    (tmp_path / "s.yaml").write_text(two.replace("time_limit: 30", "time_limit: 2"))
+    (tmp_path / "s.yaml").write_text(STUDY.replace("time_limit: 30", "time_limit: 2"))
     folder = tmp_path / "r"
 
-    def started(**variables):
-        return subprocess.Popen(
-            [sys.executable, "-c", RUN, tmp_path / "s.yaml", folder, "local:2"], env=os.environ | variables,
-            stderr=subprocess.PIPE, text=True,
-            # A shell starts what it runs in the background with an interrupt that is ignored.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-        )  # fmt: skip
-
-    process = started(SLOW="1")
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUN, tmp_path / "s.yaml", folder, "local:1"], env=os.environ | {"SLOW": "1"},
+        stderr=subprocess.PIPE, text=True,
+        # A shell starts what it runs in the background with an interrupt that is ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     while not list(folder.glob("cells/*.json")):
         assert process.poll() is None
         time.sleep(0.05)
@@ -173,14 +168,12 @@ def test_a_cell_that_cannot_be_interrupted_fails_alone_and_an_interrupted_run_le
     assert not list(folder.glob("begun/*"))
     kept = {path: path.read_bytes() for path in folder.glob("cells/*.json")}
 
-    ended = started()
+    run_study(load_study(tmp_path / "s.yaml"), folder, dask="local:1")
 
-    assert ended.communicate(timeout=300)[1].count("could not be interrupted") == 2
-    assert ended.returncode == 0
     rows = [json.loads(path.read_text()) for path in folder.glob("cells/*.json")]
     hung = [row for row in rows if "took more than the time limit of 2 s" in row["reason"]]
-    assert [json.loads(row["options"])["samples"] for row in hung] == [5, 5]
-    assert len(rows) == 14
+    assert [json.loads(row["options"])["samples"] for row in hung] == [5]
+    assert 0 < len(kept) < len(rows) == 7
     assert all(path.read_bytes() == content for path, content in kept.items())
     assert processes_of_runs() <= before
 
