@@ -14,8 +14,7 @@ from oracles.hemisphere import VIEWS, WIDTHS, check_values, direction, half_of, 
 from oracles.lobe_checks import check_finite, check_reciprocity, check_weight
 from oracles.method_errors import check_methods, limits, method_errors
 from oracles.quadrature import albedo_by_hand, over_slopes, pdf_in_numpy, visible_share
-from oracles.texel_sums import extrapolated, lights
-from oracles.z_scores import check_sum
+from oracles.texel_sums import check_sum, extrapolated, lights
 
 
 def lobe_of(widths, **rest):

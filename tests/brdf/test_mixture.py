@@ -27,8 +27,7 @@ from glossbench.study.schema import schema
 from glossbench.study.study import load_study
 from glossbench.truth.reference import compute_reference
 from oracles.hemisphere import random_hemisphere, vectors
-from oracles.texel_sums import Glossy, extrapolated, lights
-from oracles.z_scores import check_sum
+from oracles.texel_sums import Glossy, check_sum, extrapolated, lights
 
 PARTS = (
     Kurt(m=(0.2, 0.4), f0=(0.9, 0.6, 0.2), kd=0.1),

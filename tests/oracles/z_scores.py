@@ -5,7 +5,7 @@ from scipy.stats import t as student
 
 from glossbench.truth.reference import compute_reference
 from glossbench.truth.sampling import N_REPLICATES
-from oracles.texel_sums import VIEW, lights
+from oracles.texel_sums import VIEW
 
 
 def reference(light, material, relative_error=4e-3, seed=0):
@@ -22,14 +22,3 @@ def z_limit(n_values):
 def check_z(radiance, standard_error, truth, n_tests=4):
     z = (radiance - truth) / standard_error
     assert np.abs(z).max() < z_limit(z.size * n_tests)
-
-
-def check_sum(truth, material, bound=5e-4):
-    """The summed reference of a material under the rough light is an exact sum over texels: RMS difference / mean.
-
-    Measured: 1e-5 to 3e-5 of Ward, Cook-Torrance, Phong and Kurt; 3e-4 of Ward's lobe by Duer, whose peak at grazing
-    views the exact sum misses. That samples agree with the sum is tested for all materials in tests/truth.
-    """
-    summed = compute_reference(lights()["rough"], material, VIEW, 3e-4, method="summation")
-
-    assert np.sqrt(((summed.radiance[summed.mask].numpy() - truth) ** 2).mean()) <= bound * truth.mean()

@@ -29,8 +29,7 @@ from glossbench.shading.stage_cache import StageCache
 from glossbench.truth.reference import compute_reference
 from oracles.chi_square import chi_square_p, integrate_cells
 from oracles.hemisphere import direction, random_hemisphere, vectors
-from oracles.texel_sums import extrapolated, lights
-from oracles.z_scores import check_sum
+from oracles.texel_sums import check_sum, extrapolated, lights
 
 MIRROR = (-1.0, -1.0, 1.0)
 OFF_SPECULAR, ANISOTROPIC, RETRO = (-1.0, -1.0, 0.7), (-0.6, -0.95, 1.0), (0.9, 0.9, 1.0)
