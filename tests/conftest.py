@@ -1,5 +1,6 @@
 """Fixtures that more than one test module asks for."""
 
+import gc
 import os
 from collections import Counter
 from collections.abc import Iterator
@@ -36,6 +37,16 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     """The fast tier does not even import files that are slow as a whole."""
     named = collection_path.relative_to(Path(__file__).parent).as_posix() in SLOW
     return True if named and config.option.markexpr == "not slow" else None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session: pytest.Session) -> Iterator[None]:
+    """No search for garbage among what the collection makes: it stays, and each search would look at all of it."""
+    gc.disable()
+    result = yield
+    gc.freeze()
+    gc.enable()
+    return result
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,6 +1,6 @@
 """Running a kernel over all points, in chunks that limit the working set."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -43,11 +43,12 @@ def over_points(kernel: Callable[..., OfPoints], points: ShadingPoints, width: i
     # Chunks have equal sizes, and a compiled kernel takes two points or more.
     size = max(2, ceil(n / n_chunks))
 
-    def of_chunk(start: int) -> list[Any]:
-        stop = start + size
-        rows = [a.rows(start, stop) if isinstance(a, PerPoint) else a for a in arguments]
-        return [points.columns(start, stop), *rows]
-
-    run = ready(kernel, of_chunk(0), n * width) if isinstance(kernel, Kernel) else kernel
+    run = ready(kernel, _chunk(points, arguments, 0, size), n * width) if isinstance(kernel, Kernel) else kernel
     with torch.no_grad():
-        return torch.cat([run(*of_chunk(start)) for start in range(0, n, size)])
+        return torch.cat([run(*_chunk(points, arguments, start, size)) for start in range(0, n, size)])
+
+
+def _chunk(points: ShadingPoints, arguments: Sequence[Any], start: int, size: int) -> list[Any]:
+    """The arguments of a kernel for the points [start, start + size)."""
+    stop = start + size
+    return [points.columns(start, stop), *(a.rows(start, stop) if isinstance(a, PerPoint) else a for a in arguments)]
