@@ -31,13 +31,13 @@ from ..typesetting import Press
 from .beside import link_csv, remove_others
 from .contact_sheet import make_pictures
 from .payload import build_payload
-from .plot_data import plot_data
+from .plot_data import deflate, plot_data
 from .scripts import TEMPLATES, join_module, state_policy
 from .tiles import MANY_PATTERNS, make_pattern_tiles, make_state_tiles
 
 MOST_ROWS, FEWEST_ROWS = 1000, 5  # of a table, in total and for one light, material and view
 MOST_EQUAL_ROWS = 3000  # of all tables of equal time and error
-PAGE = ("numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
+PAGE = ("deflated.js", "numbers.js", "scales.js", "plot.js", "points.js", "plots.js", "tables.js")
 
 
 def write_report(where: Path | str) -> Path | str:
@@ -48,7 +48,7 @@ def write_report(where: Path | str) -> Path | str:
     viewer = build_payload(results, report.groups, report.measured[0] if report.measured else None)
     scripts = [
         join_module(PAGE),
-        join_module(["numbers.js", *sorted(path.name for path in TEMPLATES.glob("viewer*.js"))]),
+        join_module(["deflated.js", "numbers.js", *sorted(path.name for path in TEMPLATES.glob("viewer*.js"))]),
     ]
     csv, tables = link_csv(results, make_csv(_add_names(report.cells)))
     most = max(FEWEST_ROWS, MOST_ROWS // max(1, len(report.groups)))
@@ -75,7 +75,7 @@ def write_report(where: Path | str) -> Path | str:
             answer=_draw_answer(report),
             decision=decide(report),
             ranks_explained=RANKS,
-            plots=plot_data(report),
+            plots=deflate(plot_data(report)),
             sheets=_make_sheets(results, report.groups),
             patterns=make_pattern_tiles(results, report.groups),
             n_patterns=MANY_PATTERNS,

@@ -1,5 +1,7 @@
 """The plots of a page as data: every case of every figure; equal values are stored once."""
 
+import zlib
+from base64 import b64encode
 from collections.abc import Mapping
 from math import isfinite
 from typing import Any
@@ -59,6 +61,11 @@ def plot_data(report: Report) -> dict[str, Any]:
             cases = [_pack_case(case, pool) for case in figure.cases(report)]
             found.append({"name": name, "options": list(figure.options), "cases": cases})
     return {"figures": found, "options": titles, "pool": pool.values}
+
+
+def deflate(data: Any) -> str:
+    """Data as JSON, deflated to about a sixth, as base64."""
+    return b64encode(zlib.compress(dumps(data).encode(), 6)).decode()
 
 
 def _pack_case(case: Case, pool: Pool) -> dict[str, Any]:

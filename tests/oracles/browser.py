@@ -125,7 +125,8 @@ class Page:
         if script:
             self.send("Page.addScriptToEvaluateOnNewDocument", source=script)
         self.send("Page.navigate", url=f"{path.resolve().as_uri()}{query}{fragment}")
-        self.wait("document.readyState === 'complete' && location.href !== 'about:blank'")
+        drawn = "document.readyState === 'complete' && !document.querySelector('[aria-busy]')"
+        self.wait(f"{drawn} && location.href !== 'about:blank'")
 
     def __enter__(self):
         return self
@@ -195,6 +196,11 @@ class Page:
         """A click on the middle of the element, once it lies still in the window with nothing before it."""
         x, y, width, height = self.box(selector, uncovered=True)
         self.click(x + width / 2, y + height / 2)
+
+    def show(self, selector):
+        """Scroll an element into sight: far from there, a page does not lay out its tables."""
+        at = f"document.querySelector({json.dumps(selector)}).scrollIntoView()"
+        self.do(f"{at}, new Promise((then) => requestAnimationFrame(() => requestAnimationFrame(then)))")
 
     def box(self, selector, uncovered=False):
         """x, y, width, height of an element in the window, after it was brought there and the page has come to rest."""

@@ -2,6 +2,8 @@
 
 import json
 import re
+import zlib
+from base64 import b64decode
 
 import numpy as np
 import OpenEXR
@@ -118,7 +120,8 @@ def read_exr(path):
 
 def data_of(page):
     """What the script of the plots reads."""
-    return json.loads(re.search(r'<script type="application/json" id="plot-data">(.*?)</script>', page)[1])
+    deflated = re.search(r'<script type="application/octet-stream;base64" id="plot-data">(.*?)</script>', page)[1]
+    return json.loads(zlib.decompress(b64decode(deflated)))
 
 
 def three_lights(folder):

@@ -67,11 +67,13 @@ SHOWN = """[...document.querySelectorAll('#cells tbody')].map((body) =>
 
 def column(page, name):
     """The values of a column in the shown rows, one list per group; None if a cell has no such value."""
+    page.show("#cells")
     head = f"[...document.querySelectorAll('#cells th')].find((h) => h.innerText.startsWith('{name}'))"
     return page.do(SHOWN.replace("VALUE", f"JSON.parse(row.dataset.values)[{head}.dataset.column] ?? null"))
 
 
 def press(page, name):
+    page.show("#cells")
     page.do(f"[...document.querySelectorAll('#cells th button')].find((b) => b.innerText.startsWith('{name}')).click()")
 
 
@@ -239,6 +241,7 @@ def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
     choose(page, "plot-metric", "max_error")
 
     keys = page.do("[...document.querySelectorAll('.plots .point[data-key]')].map((point) => point.dataset.key)")
+    page.show(".equal:not([hidden])")
     shown = page.do("[...document.querySelectorAll('.equal')].filter((e) => e.offsetHeight).map((e) => e.innerText)")
     assert {key[-2:] for key in keys} == {"-1"}
     assert page.do("document.querySelector('.plots svg .axes').lastChild.textContent") == "max_error [radiance]"

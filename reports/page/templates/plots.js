@@ -18,10 +18,14 @@ function unpacked(panel, pool) {
   return { ...panel, x: pool[panel.x], y: pool[panel.y], fronts: pool[panel.fronts], lines };
 }
 
-function plots() {
-  const { figures, options: titles, pool } = JSON.parse(document.getElementById("plot-data").textContent);
-  const container = document.getElementById("plots-drawn");
-  if (!container || !figures.some(({ cases }) => cases.length)) return;
+// What the data of the plots hold.
+async function plotData() {
+  const bytes = await inflated(bytesOf(document.getElementById("plot-data").textContent));
+  return JSON.parse(new TextDecoder().decode(bytes));
+}
+
+function plots({ figures, options: titles, pool }, container) {
+  if (!figures.some(({ cases }) => cases.length)) return;
   const [form, key, nothing, boxes] = ["controls", "key", "nothing", "options"].map(
     (name) => document.getElementById(`plot-${name}`));
   const hidden = new Set(); // indices of lines, which are the same in every case over one quantity
@@ -228,4 +232,12 @@ function plots() {
   }).observe(container);
 }
 
-plots();
+async function drawPlots() {
+  const container = document.getElementById("plots-drawn");
+  if (!container) return;
+  container.ariaBusy = "true";
+  plots(await plotData(), container);
+  container.ariaBusy = null;
+}
+
+drawPlots();

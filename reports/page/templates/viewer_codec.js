@@ -11,18 +11,6 @@ const HALF = (() => {
   return table;
 })();
 
-function bytesOf(base64) {
-  const text = atob(base64.trim());
-  const bytes = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
-  return bytes;
-}
-
-async function inflated(bytes) {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
 // Bits of half floats, R G B A of each pixel, from the bytes of planes: the inverse of `packed`.
 function unpacked(bytes, width, height) {
   const area = width * height, n = 4 * area, half = new Uint16Array(n);
