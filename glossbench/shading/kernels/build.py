@@ -21,7 +21,7 @@ from glossbench.shading.kernels.kernel import Kernel
 from glossbench.shading.kernels.programs import Part
 
 SECONDS = 25.0  # of a compilation, if none has been measured
-PATIENCE = 900.0  # seconds after which a compilation has failed
+PATIENCE = 3600.0  # seconds after which a compilation has failed; on a busy machine it takes many minutes
 failed: set[str] = set()  # keys of kernels that this process could not compile
 _log = logging.getLogger("glossbench")
 
