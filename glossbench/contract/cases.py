@@ -138,6 +138,12 @@ def build_general_points(n: int = 200) -> ShadingPoints:
     return _build_points(normal, 0.05 + 0.95 * v[:, 0], 2 * pi * v[:, 1], azimuth)
 
 
+@cache
+def compute_albedo(material: Material) -> Tensor:
+    """The directional albedo of a material at the general points, (P, 3)."""
+    return material.albedo(build_general_points().wo_local())
+
+
 def build_hard_points() -> ShadingPoints:
     """Normals towards the faces, edges and corners of the cube, seen at cos_o = 1, 0.5 and 1e-4."""
     signs = torch.cartesian_prod(*[torch.tensor([-1.0, 0.0, 1.0], dtype=torch.float64)] * 3)
