@@ -3,7 +3,8 @@
 A time is a + b * pixels + c * work, with no negative coefficient: what each cell takes, its metrics, and its shading.
 The work of a cell is its pixels times the budget of its method, that of a reference its pixels. Bytes on disk and in
 memory are a + b * pixels. The coefficients are those with the least relative squares over the last measurements. What
-these do not tell apart, a and b after views of one size, is shared equally, or for memory is a.
+these do not tell apart, a and b after views of one size, is shared equally, or for memory is a. Stages count apart, by
+their mean over the cells of a method: some cells compute a stage that the others share, and few depend on the view.
 """
 
 from collections import defaultdict
@@ -30,7 +31,7 @@ KEPT = 24  # measurements of one kind
 
 
 class Spent(NamedTuple):
-    """One measurement: of a cell by the name of its method, of a reference, or of the memory of a run."""
+    """One measurement: of a cell or its stages by the name of its method, of a reference, or of the memory of a run."""
 
     kind: str
     work: float
@@ -47,8 +48,13 @@ def count_pixels(view: View) -> int:
 
 
 def measure_cell(cell: Cell, seconds: float, n_bytes: int) -> Spent:
-    """What a cell took."""
+    """What a cell took, without its stages."""
     return Spent(f"method {cell.method.name}", _work(cell), count_pixels(cell.view), seconds, n_bytes)
+
+
+def measure_stages(cell: Cell, seconds: float) -> Spent:
+    """What the stages took that were computed for a cell; 0 if others had computed them."""
+    return Spent(f"stages {cell.method.name}", 0.0, 0, seconds, 0)
 
 
 def measure_reference(cell: Cell, options: ReferenceOptions, seconds: float, n_bytes: int) -> Spent:
@@ -110,6 +116,7 @@ def predict(cells: Sequence[Cell], options: ReferenceOptions) -> Prediction:
             alike = [each for other, found in known.items() if other.startswith(f"{first} ") for each in found]
         seconds += _fit([(s, p, w) for w, p, s, _ in alike], pixels, work)
         disk += _fit([(n, p) for _, p, _, n in alike], pixels)
+    seconds += sum(_average_stages(known, cell.method.name) for cell in cells)
     return Prediction(seconds, disk, predict_memory(cells), n_unknown)
 
 
@@ -147,6 +154,13 @@ def _find_least_memory(cells: Sequence[Cell]) -> float:
     """Bytes that one process needs at least: the largest view, and the smallest rest that was ever measured."""
     rest = min((n - BYTES_A_PIXEL * p for p, _, _, n in _read().get("memory", ())), default=0.0)
     return max(rest, 0.0) + BYTES_A_PIXEL * max((count_pixels(cell.view) for cell in cells), default=0)
+
+
+def _average_stages(known: Mapping[str, list[list[float]]], method: str) -> float:
+    """The mean time of the stages of a cell of this method, or of any method if none was measured [s]."""
+    every = (each for kind, found in known.items() if kind.startswith("stages ") for each in found)
+    alike = known.get(f"stages {method}") or list(every)
+    return sum(seconds for _, _, seconds, _ in alike) / max(1, len(alike))
 
 
 def _work(cell: Cell) -> float:

@@ -1,6 +1,7 @@
 """Values of stages of precomputation: each is computed once, timed, and shared by all that need it."""
 
 import dataclasses
+import time
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -44,6 +45,9 @@ class StageCache:
         tell: called with the names of the method and the stage when a stage begins.
         limit: bytes that all values may take. Above it, the values that were not used for the longest time are dropped,
             but never those of the current turn.
+
+    Attributes:
+        seconds: that stages have taken so far, with all their timed runs.
     """
 
     def __init__(self, tell: Callable[[str], None] = lambda text: None, limit: int = LIMIT) -> None:
@@ -51,6 +55,7 @@ class StageCache:
         self._tell = tell
         self._limit = limit
         self._turn = 0
+        self.seconds = 0.0
         self._trusted: dict[int, PreparedStage] = {}  # by id, values whose bytes were compared since the last check
 
     def begin(self) -> None:
@@ -82,8 +87,10 @@ class StageCache:
             return found[1]
         read = StageOptions()
         self._tell(f"{method.name}: {stage.__name__}")
+        began = time.perf_counter()
         with forbid_writes(f"{method.name}.{stage.__name__}", inputs):
             value, timing = time_work(lambda: stage(Recorder(method, read), **inputs), device, patience)
+        self.seconds += time.perf_counter() - began
         if found is not None:  # computed during tuning: its value stays, because other values may depend on it
             prepared = found[1]
             prepared.seconds, prepared.warm = timing.median, True

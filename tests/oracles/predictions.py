@@ -17,6 +17,7 @@ from typing import Any
 
 from glossbench.commands.printing import say
 from glossbench.run import executor, rates, runner
+from glossbench.shading import stage_cache
 from glossbench.study.study import Study, load_study
 
 STUDIES = (
@@ -57,7 +58,8 @@ def main() -> None:
     names = given.studies or STUDIES
     rates.cache_folder = lambda: given.folder / "cache"
     runner.EAGER_RATE = float("inf")
-    executor.time = SimpleNamespace(perf_counter=time.process_time)
+    for module in (executor, stage_cache):
+        module.time = SimpleNamespace(perf_counter=time.process_time)
     for name in names:
         seconds = measured(cut(load_study(name), SMALL), given.folder / f"{name}_small")
         say(f"{name}: {seconds:.1f} s with {SMALL}^2 pixels")

@@ -5,7 +5,7 @@ import pytest
 from glossbench.errors import InputError
 from glossbench.memory import read_size
 from glossbench.run import rates
-from glossbench.run.rates import Spent, check_fits, measure_cell, measure_reference, predict, remember
+from glossbench.run.rates import Spent, check_fits, measure_cell, measure_reference, measure_stages, predict, remember
 from glossbench.run.runner import run_study
 from glossbench.study.study import load_study
 from oracles.flat_studies import registered, study_in
@@ -56,6 +56,20 @@ def test_costs_that_are_linear_in_the_work_are_predicted_where_nothing_was_measu
     assert cost.seconds == pytest.approx(sum(seconds_of(4096, n) for n in (4, 16, 64)) + 2 + 4.096, rel=1e-6)
     assert cost.disk == pytest.approx(3 * (1000 + 12 * 4096) + 500 + 40 * 4096, rel=1e-6)
     assert cost.memory is None
+
+
+def test_stages_cost_their_mean_over_cells_at_any_size(study):
+    """One cell of four makes the stage that the others share, and the view does not change what it takes."""
+    cells = study.cells()
+    of_cells = measured([cell for cell in cells if cell.view.resolution < 64], study.reference)
+    remember([*of_cells, *(measure_stages(cells[0], seconds) for seconds in (8.0, 0.0, 0.0, 0.0))])
+    large = [cell for cell in cells if cell.view.resolution == 64]
+
+    cost = predict(large, study.reference)
+
+    expected = sum(seconds_of(4096, n) for n in (4, 16, 64)) + 2 + 4.096
+    assert cost.seconds == pytest.approx(expected + 2.0 * len(large), rel=1e-6)
+    assert cost.n_unknown == 0
 
 
 def test_a_method_without_a_measurement_is_counted_and_costs_what_others_do(study, tmp_path):
