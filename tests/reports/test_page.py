@@ -250,6 +250,20 @@ def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
     assert "max_error at shading time" in shown[0]
 
 
+def test_data_of_plots_that_are_damaged_are_told_and_the_tables_work(browser, report, tmp_path):
+    text = report.read_text(encoding="utf-8")
+    path = tmp_path / "damaged.html"
+    path.write_text(re.sub(r'(id="plot-data">).{8}', r"\1AAAAAAAA", text), encoding="utf-8")
+
+    with browser.open(path) as page:
+        told = page.text("#plot-nothing")
+        press(page, "samples")
+        sorted_by = page.do("document.querySelectorAll('#cells th[aria-sort=ascending]').length")
+
+    assert told.startswith("The plots cannot be drawn (")
+    assert sorted_by == 1
+
+
 def test_the_pareto_front_is_ringed(still, report):
     data = data_of(report.read_text(encoding="utf-8"))
     case = next(figure for figure in data["figures"] if figure["name"] == "costs")["cases"][0]

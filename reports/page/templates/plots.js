@@ -236,8 +236,15 @@ async function drawPlots() {
   const container = document.getElementById("plots-drawn");
   if (!container) return;
   container.ariaBusy = "true";
-  plots(await plotData(), container);
-  container.ariaBusy = null;
+  try {
+    plots(await plotData(), container);
+  } catch (error) {
+    document.getElementById("plot-nothing").textContent =
+      `The plots cannot be drawn (${error.message}); the tables below have the same numbers.`;
+    throw error;
+  } finally {
+    container.ariaBusy = null;
+  }
 }
 
 drawPlots();
