@@ -68,6 +68,7 @@ def write_report(where: Path | str) -> Path | str:
             cells=make_cell_table(report, quantities, most),
             stages=make_stage_table(report, most),
             references=make_reference_table(report),
+            is_long=len(report.cells) > MOST_ROWS,
             most_rows=MOST_ROWS,
             most_equal=max(FEWEST_ROWS, MOST_EQUAL_ROWS // max(1, len(report.equal))),
             missing=without_image(report),

@@ -4,6 +4,7 @@ import base64
 import io
 import json
 import re
+import shutil
 from hashlib import sha256
 
 import numpy as np
@@ -67,13 +68,11 @@ SHOWN = """[...document.querySelectorAll('#cells tbody')].map((body) =>
 
 def column(page, name):
     """The values of a column in the shown rows, one list per group; None if a cell has no such value."""
-    page.show("#cells")
     head = f"[...document.querySelectorAll('#cells th')].find((h) => h.innerText.startsWith('{name}'))"
     return page.do(SHOWN.replace("VALUE", f"JSON.parse(row.dataset.values)[{head}.dataset.column] ?? null"))
 
 
 def press(page, name):
-    page.show("#cells")
     page.do(f"[...document.querySelectorAll('#cells th button')].find((b) => b.innerText.startsWith('{name}')).click()")
 
 
@@ -241,13 +240,27 @@ def test_place_and_metric_are_chosen_for_plots_and_tables_at_once(page):
     choose(page, "plot-metric", "max_error")
 
     keys = page.do("[...document.querySelectorAll('.plots .point[data-key]')].map((point) => point.dataset.key)")
-    page.show(".equal:not([hidden])")
     shown = page.do("[...document.querySelectorAll('.equal')].filter((e) => e.offsetHeight).map((e) => e.innerText)")
     assert {key[-2:] for key in keys} == {"-1"}
     assert page.do("document.querySelector('.plots svg .axes').lastChild.textContent") == "max_error [radiance]"
     assert len(shown) == 1
     assert "m [0.2, 0.075]" in shown[0].splitlines()[0]
     assert "max_error at shading time" in shown[0]
+
+
+def test_only_the_page_of_many_cells_leaves_tables_for_when_they_are_in_sight(browser, report, tmp_path, monkeypatch):
+    folder = tmp_path / "r"
+    shutil.copytree(report.parent, folder)
+    monkeypatch.setattr(html, "MOST_ROWS", 3)
+    long = html.write_report(folder)
+    hidden = "!document.querySelector('#cells tbody td').checkVisibility({ contentVisibilityAuto: true })"
+
+    with browser.open(report) as page:
+        assert not page.do(hidden)
+    with browser.open(long) as page:
+        assert page.do(hidden)
+        page.show("#cells")
+        assert not page.do(hidden)
 
 
 def test_data_of_plots_that_are_damaged_are_told_and_the_tables_work(browser, report, tmp_path):
