@@ -1,4 +1,4 @@
-"""The mean density of a lobe over the cone that holds the share of one sample."""
+"""The mean density of a lobe where one sample stands for it: over a cone, or over the sample's own stratum."""
 
 from math import pi, sqrt
 
@@ -9,6 +9,7 @@ from glossbench.prefilter import Lobe, Vec3
 
 ROUNDS = 2
 RING = sqrt(5 / 8)  # so that the mean of five directions is that of the cone to second order
+EDGE = 1e-6  # a stratum ends so far from the edge of the unit square, where some lobes have infinite slopes
 
 
 def mean_pdf(lobe: Lobe, wo: Vec3, wi: Vec3, pdf: Tensor, n: Tensor) -> Tensor:
@@ -31,3 +32,35 @@ def mean_pdf(lobe: Lobe, wo: Vec3, wi: Vec3, pdf: Tensor, n: Tensor) -> Tensor:
             total = total + lobe.pdf(wo, Vec3(*(cos * c + sin * s for c, s in zip(wi, e, strict=True))))
         mean = total / 5
     return mean
+
+
+def stratum_ratio(lobe: Lobe, u: Tensor) -> Tensor:
+    """Mean density over each point's own stratum, divided by the density at the point, for a view along the normal.
+
+    ratio_i = 1 / (N omega_i p_i), omega_i = dphi (cos_l(u-) - cos_l(u+)), at most a hemisphere. The stratum of a point
+    is the square of side 1 / sqrt(N) about it, moved into the unit square along u1; phi, which u2 rules, is periodic.
+    cos_l comes from the lobe's own sampler, by u1 alone. Other views are taken to have the same ratio.
+
+    Args:
+        u: points (N, 2).
+
+    Returns:
+        (1, N)
+
+    Source: the idea, Tokuyoshi 2016; the adaptation is ours.
+    """
+    side = 1 / sqrt(len(u))
+    low = (u[:, 0] - side / 2).clamp(0, 1 - side)
+    middle, left, right = low + side / 2, (u[:, 1] - side / 2) % 1, (u[:, 1] + side / 2) % 1
+    up = Vec3(*(u.new_tensor([[c]]) for c in (0.0, 0.0, 1.0)))
+
+    def sample(u1: Tensor, u2: Tensor) -> tuple[Vec3, Tensor]:
+        points = torch.stack([u1.clamp(EDGE, 1 - EDGE), u2], dim=1)
+        drawn = lobe.sample(up, lobe.sample_points(points))
+        return drawn.wi, drawn.pdf
+
+    (inner, _), (outer, _) = sample(low, u[:, 1]), sample(low + side, u[:, 1])
+    (a, _), (b, _) = sample(middle, left), sample(middle, right)
+    phi = torch.atan2(a.x * b.y - a.y * b.x, a.x * b.x + a.y * b.y).abs()
+    omega = ((inner.z - outer.z).abs() * phi).clamp(max=2 * pi)
+    return 1 / (len(u) * omega * sample(*u.unbind(1))[1])

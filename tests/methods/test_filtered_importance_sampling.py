@@ -8,6 +8,7 @@ import torch
 
 from glossbench.brdf.ggx import GGX, SAMPLERS
 from glossbench.brdf.kurt import Kurt
+from glossbench.brdf.phong import Phong
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Constant, Gradient, Spots
@@ -15,7 +16,7 @@ from glossbench.envmap.paraboloid import build_paraboloid
 from glossbench.envmap.pyramid import build_pyramid, lookup
 from glossbench.errors import InputError
 from glossbench.methods.filtered_importance_sampling import FilteredImportanceSampling
-from glossbench.methods.filtered_importance_sampling.stratum import mean_pdf
+from glossbench.methods.filtered_importance_sampling.stratum import EDGE, mean_pdf, stratum_ratio
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import Sphere
 from glossbench.shading.image import shade
@@ -311,9 +312,63 @@ def test_the_kernel_of_a_stratum_reads_coarser_levels_and_converges_to_that_of_a
     assert differ(16) > 4 * differ(1024) > 0
 
 
-def test_an_affine_footprint_has_no_stratum_kernel():
-    with pytest.raises(InputError, match="isotropic footprint, got affine"):
-        FilteredImportanceSampling(kernel="stratum", footprint="affine")
+@pytest.mark.parametrize("kernel", ["stratum", "normal_stratum"])
+def test_an_affine_footprint_has_no_stratum_kernel(kernel):
+    with pytest.raises(InputError, match=f"'{kernel}' is for the isotropic footprint, got affine"):
+        FilteredImportanceSampling(kernel=kernel, footprint="affine")
+
+
+def grid(edge):
+    """The middles of edge^2 squares, whose strata tile the unit square."""
+    middles = (torch.arange(edge) + 0.5) / edge
+    return torch.cartesian_prod(middles, middles)
+
+
+def omega_of(lobe, u, ratio):
+    """The solid angle that a ratio stands for: 1 / (N p ratio)."""
+    up = Vec3(*torch.tensor([[[0.0]], [[0.0]], [[1.0]]]))
+    return (1 / (len(u) * lobe.sample(up, lobe.sample_points(u)).pdf * ratio))[0]
+
+
+def check_own_strata(ratio_of):
+    """dphi (cos_l(u-) - cos_l(u+)) of GGX, cos_l = 2 cos_h^2 - 1, cos_h^2 = (1 - u) / (1 + (alpha^2 - 1) u)."""
+    edge, alpha = 8, 0.3
+    u, lobe = grid(edge), GGX(alpha=alpha).reflectance().lobes[0]
+    edges = [2 * (1 - e) / (1 + (alpha**2 - 1) * e) - 1 for e in (u[:, 0] - 0.5 / edge, u[:, 0] + 0.5 / edge)]
+    expected = (2 * pi / edge * (edges[0] - edges[1])).clamp(max=2 * pi)
+    torch.testing.assert_close(omega_of(lobe, u, ratio_of(lobe, u)), expected, rtol=1e-3, atol=0)  # measured 1.4e-4
+
+
+def test_own_strata_along_the_normal_are_those_of_the_closed_form():
+    check_own_strata(stratum_ratio)
+
+
+def test_the_check_of_own_strata_notices_strata_that_are_a_tenth_too_large():
+    with pytest.raises(AssertionError):
+        check_own_strata(lambda lobe, u: stratum_ratio(lobe, u) / 1.1)
+
+
+@pytest.mark.parametrize(
+    ("material", "lowest"),
+    [
+        (GGX(alpha=(0.4, 0.05)), -1),
+        (Kurt(m=(0.2, 0.2)), 2 / (1 - 0.2**2 * log(EDGE)) - 1),  # cos_h^2 = 1 / (1 - m^2 log u)
+        (Phong(s=40.0), EDGE ** (1 / 41)),  # cos = u^(1 / (s + 1))
+    ],
+)
+def test_own_strata_tile_the_directions(material, lowest):
+    """Half vectors up to the horizon reflect to all of the sphere; `kurt` and `phong` end at u = EDGE."""
+    lobe, u = material.reflectance().lobes[0], grid(32)
+    total = omega_of(lobe, u, stratum_ratio(lobe, u)).sum().item()
+    assert total == pytest.approx(2 * pi * (1 - lowest), rel=2e-3)
+
+
+def test_the_kernel_of_own_strata_converges_to_that_of_a_point():
+    def differ(samples):
+        images = [image_of(GGX(alpha=0.3), samples, k=1.0, kernel=kernel) for kernel in ("point", "normal_stratum")]
+        return ((images[0] - images[1]).square().mean().sqrt() / images[0].mean()).item()
+
+    assert differ(16) > 4 * differ(1024) > 0
 
 
 def test_every_sampler_has_the_same_limit():

@@ -31,6 +31,7 @@ BY_HAND = {
     "mrse": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,
     "mrse_trimmed": (1 / 1.01 + 4 / 9.01 + 4 / 0.01) / 6,  # a thousandth of two pixels is zero pixels
     "smape": (2 / 3 + 4 / 4 + 4 / 2) / 6,
+    "shape_error": 70 / 13 / 12,  # x sums to 13: |12 / 13 x - y| = (11, 2, 27), (4, 24, 2), over 13
 }
 ON_A_DISPLAY = {"flip", "ssim"}
 EVERY = sorted({*BY_HAND, *ON_A_DISPLAY})
@@ -116,9 +117,28 @@ def test_errors_are_summed_in_double_precision():
 def test_a_black_truth_has_no_relative_error():
     black, lit = image([[0.0] * 3] * 2), image(IMAGE)
 
-    for name in ("relative_rms", "relative_l1"):
+    for name in ("relative_rms", "relative_l1", "shape_error"):
         assert gb.metric(name)(black, black) == 0
         assert gb.metric(name)(lit, black) == inf
+
+
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_the_error_of_a_shape_does_not_depend_on_the_energy(power):
+    """Two lobes cos^4 and cos^8 as numbers: the sum by hand; twice as much light changes nothing."""
+    cosines = np.linspace(0.01, 1, 300).reshape(10, 10, 3)
+    wide, narrow, bright = (full(a) for a in (cosines**4, cosines**8, 2 * cosines**4))
+    metric = gb.metric("shape_error", power=power)
+
+    value = metric(wide, narrow)
+
+    numbers = list(zip((cosines**4).ravel(), (cosines**8).ravel(), strict=True))
+    assert value == pytest.approx(shape_error(numbers, power), rel=1e-13)
+    assert metric(bright, narrow) == pytest.approx(value, rel=1e-13)
+    assert metric(bright, wide) < 1e-15
+
+
+def test_a_black_image_has_all_of_the_shape_wrong():
+    assert gb.metric("shape_error")(image([[0.0] * 3] * 2), image(TRUTH)) == 1
 
 
 def test_lost_energy_is_a_negative_mean_error():
@@ -150,6 +170,12 @@ def test_smape_of_black_against_black_is_zero_and_against_light_is_two():
     assert gb.metric("smape")(lit, black) == gb.metric("smape")(black, lit) == 2
 
 
+def shape_error(numbers, p):
+    """The part of the volume in a wrong place, counted twice."""
+    volumes = [sum(pair[i] ** p for pair in numbers) for i in (0, 1)]
+    return sum(abs(x**p / volumes[0] - y**p / volumes[1]) for x, y in numbers)
+
+
 def scalar(name, picture, truth):
     """Metrics in plain loops over numbers."""
     pixels = [
@@ -176,6 +202,7 @@ def scalar(name, picture, truth):
         "mrse_trimmed": sum(relative[: len(relative) - len(relative) // 1000])
         / (len(relative) - len(relative) // 1000),
         "smape": sum(2 * abs(x - y) / (abs(x) + abs(y)) for x, y in numbers) / n,
+        "shape_error": shape_error(numbers, 1),
     }[name]
 
 
@@ -300,6 +327,7 @@ FROM_MAP = {
     "mrse": lambda e: e.mean(),
     "mrse_trimmed": lambda e: np.sort(e)[: e.size - e.size // 1000].mean(),
     "smape": lambda e: e.mean(),
+    "shape_error": lambda e: e.mean(),
     "mean_absolute_error": lambda e: e.mean(),
     "mean_relative_error": lambda e: e.mean(),
     "median_absolute_error": np.median,

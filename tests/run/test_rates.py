@@ -5,7 +5,16 @@ import pytest
 from glossbench.errors import InputError
 from glossbench.memory import read_size
 from glossbench.run import rates
-from glossbench.run.rates import Spent, check_fits, measure_cell, measure_reference, measure_stages, predict, remember
+from glossbench.run.rates import (
+    Spent,
+    check_fits,
+    measure_cell,
+    measure_reference,
+    measure_stages,
+    predict,
+    predict_memory,
+    remember,
+)
 from glossbench.run.runner import run_study
 from glossbench.study.study import load_study
 from oracles.flat_studies import registered, study_in
@@ -90,8 +99,8 @@ def test_a_run_remembers_what_it_took_and_the_newest_measurements_stay(tmp_path,
     assert cost.n_unknown == 0
     assert cost.seconds > 0
     assert cost.memory > 1e8
-    remember([Spent("memory", 1.0, 1, 0.0, i) for i in range(100)])
-    assert predict(study_in(tmp_path).cells(), study.reference).memory == pytest.approx(99, rel=0.3)
+    remember([Spent("memory", 1.0, 1, 0.0, i * 10**9) for i in range(100)])
+    assert predict(study_in(tmp_path).cells(), study.reference).memory == pytest.approx(99e9, rel=0.3)
 
 
 def test_damaged_rates_are_no_rates(study, tmp_path):
@@ -114,8 +123,8 @@ def test_what_does_not_fit_is_refused_before_it_starts_with_the_numbers(tmp_path
 
 
 def test_the_machine_bounds_what_is_needed_at_least_and_a_wrong_prediction_refuses_nothing(tmp_path, monkeypatch):
-    """8^2 pixels and 600 MB were measured once: 40 processes need 24 GB, whatever a fit says of 64^2 pixels."""
-    remember([Spent("memory", 64.0, 64, 0.0, 6 * 10**8), Spent("memory", 256.0, 256, 0.0, 9 * 10**8)])
+    """8^2 pixels and 600 MB were measured once: 40 processes need 24 GB, whatever others took."""
+    remember([Spent("memory", 64.0, 64, 0.0, 6 * 10**8), Spent("memory", 256.0, 256, 0.0, 9 * 10**9)])
     monkeypatch.setattr("glossbench.run.runner.read_capacity", lambda: 8 * 10**9)
     study = study_in(tmp_path, view="{sphere: {resolution: 64}}")
 
@@ -126,6 +135,15 @@ def test_the_machine_bounds_what_is_needed_at_least_and_a_wrong_prediction_refus
     assert not (tmp_path / "r").exists()
     assert 2 * predict(study.cells(), study.reference).memory > 8 * 10**9
     check_fits(study.cells(), 2, None, 8 * 10**9)
+
+
+def test_the_memory_of_full_hd_does_not_follow_from_small_views(tmp_path, study):
+    """441 MB at 8^2 and 717 MB at 96^2 pixels lie on a line that reaches 60 GB at 1920 x 1080."""
+    remember([Spent("memory", p, p, 0.0, n) for p, n in ((64, 441 * 10**6), (9216, 717 * 10**6), (9216, 712 * 10**6))])
+
+    found = predict_memory(study_in(tmp_path, view="{sphere: {resolution: 1080, width: 1920}}").cells())
+
+    assert found == pytest.approx(708e6 + 400 * 1920 * 1080, rel=1e-3)
 
 
 def test_the_bound_of_a_study_is_read_written_and_checked(tmp_path):
