@@ -1,5 +1,6 @@
 """Runs: what is computed, what is remembered, and that a killed run ends as if it had not been killed."""
 
+import itertools
 import json
 import os
 import shutil
@@ -117,6 +118,22 @@ def test_a_run_interrupted_after_each_cell_ends_with_the_same_bytes(unbroken, tm
             run_study(study, folder, progress=Progress(cell=interrupting(lambda row: None, k)))
         assert len(list((folder / "cells").iterdir())) == k + 1
         assert not (folder / "cells.parquet").exists()
+    run_study(study, folder)
+
+    assert remains(folder) == expected
+    assert_whole(folder)
+
+
+def test_a_clock_that_goes_back_an_hour_at_each_look_changes_no_byte(unbroken, tmp_path, monkeypatch):
+    """The run is interrupted, too, so that files of a run lie in the future of the one that goes on."""
+    (study, expected), folder = unbroken, tmp_path / "r"
+    looks = itertools.count(1)
+    monkeypatch.setattr(time, "time", lambda: 2e9 - 3600 * next(looks))
+
+    with pytest.raises(KeyboardInterrupt):
+        run_study(study, folder, progress=Progress(cell=interrupting(lambda row: None, 2)))
+    for path in folder.rglob("*"):
+        os.utime(path, (3e9, 3e9))
     run_study(study, folder)
 
     assert remains(folder) == expected

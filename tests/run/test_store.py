@@ -10,6 +10,7 @@ from uuid import uuid4
 import pytest
 
 from glossbench.errors import InputError, WriteError
+from glossbench.run import reservation
 from glossbench.run.folder import Folder
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
@@ -138,6 +139,38 @@ def test_a_store_that_cannot_be_written_stops_the_run(whole, monkeypatch):
 
     with pytest.raises(WriteError, match=r"^memory://full/begun/run\.json: cannot be written: .*No space left"):
         run_study(whole[0], "memory://full")
+
+
+@pytest.mark.parametrize("n_writes", [3, 8, 12])
+def test_a_store_that_becomes_read_only_in_mid_run_stops_it_fails_no_cell_and_the_run_goes_on(
+    whole, monkeypatch, n_writes
+):
+    pytest.importorskip("fsspec")
+    from fsspec.implementations.memory import MemoryFileSystem
+
+    (study, expected), address, written = whole, f"memory://{uuid4().hex}", []
+    write = MemoryFileSystem.pipe_file
+
+    def refuse(*args, **kwargs):
+        raise OSError(30, "Read-only file system")
+
+    def write_some(self, path, value, **kwargs):
+        if len(written) == n_writes:
+            refuse()
+        written.append(path)
+        write(self, path, value, **kwargs)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(MemoryFileSystem, "pipe_file", write_some)
+        patch.setattr(MemoryFileSystem, "rm_file", lambda *args: refuse() if len(written) == n_writes else None)
+        with pytest.raises(WriteError, match=r"cannot be written: .*Read-only file system"):
+            run_study(study, address)
+
+    assert len(written) == n_writes
+    monkeypatch.setattr(reservation, "PATIENCE", 0.0)  # its record could not be removed, and this process lives
+    results = run_study(study, address)
+    assert remains(results) == expected
+    assert set(results.cells["status"]) == {"done"}
 
 
 @pytest.mark.parametrize(
