@@ -21,7 +21,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array, csr_array
-from scipy.sparse.linalg import LinearOperator, cg, lsmr, qmr
 
 from glossbench.errors import InputError
 
@@ -220,6 +219,8 @@ class _System:
         self, log_f: Floats, start: Floats, solver: Solver, tolerance: float, max_iterations: int
     ) -> tuple[Floats, int]:
         """Logarithms of all texels (T, C), and the number of iterations."""
+        from scipy.sparse.linalg import LinearOperator, cg, lsmr, qmr  # late: few runs factorize
+
         n = self.shape[0] * self.shape[1]
         # The solver finds the difference from the start; its tolerance is relative to a start from zero.
         data = log_f - self._read(start)

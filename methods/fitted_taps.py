@@ -4,8 +4,8 @@ from math import pi, sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
+import scipy
 import torch
-from scipy.optimize import minimize, nnls
 from torch import Tensor
 
 from glossbench.prefilter import (
@@ -152,9 +152,11 @@ def fit_taps(lobe: Lobe, counts: tuple[int, ...]) -> Taps:
     def solve(x: Floats) -> tuple[Floats, float]:
         angle, deviation = _split(x, len(counts))
         columns = [_compute_ring(at, *ring) for ring in zip(angle, deviation, counts, strict=True)]
-        return nnls(np.stack(columns, axis=1) * np.sqrt(measure).reshape(-1, 1), wanted)
+        return scipy.optimize.nnls(np.stack(columns, axis=1) * np.sqrt(measure).reshape(-1, 1), wanted)
 
-    fit = minimize(lambda x: solve(x)[1], start, method="L-BFGS-B", bounds=[(np.log(1e-4), np.log(1.5))] * len(start))
+    fit = scipy.optimize.minimize(
+        lambda x: solve(x)[1], start, method="L-BFGS-B", bounds=[(np.log(1e-4), np.log(1.5))] * len(start)
+    )
     (weights, residual), (angle, deviation) = solve(fit.x), _split(fit.x, len(counts))
     spread = [(a, 2 * pi * i / n, s, w / n) for a, s, w, n in
               zip(angle, deviation, weights, counts, strict=True) for i in range(n)]  # fmt: skip

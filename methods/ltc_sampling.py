@@ -4,9 +4,9 @@ from math import log2, pi
 from typing import Annotated, NamedTuple
 
 import numpy as np
+import scipy
 import torch
 from pydantic import Field
-from scipy.optimize import minimize
 from torch import Tensor
 
 from glossbench.prefilter import (
@@ -155,7 +155,7 @@ def fit_transforms(lobe: Lobe) -> Transforms:
         mean = (weight @ wi)[[0, 2]]
         sin_a, cos_a = mean / np.linalg.norm(mean)
         local = np.stack([cos_a * wi[:, 0] - sin_a * wi[:, 2], wi[:, 1], sin_a * wi[:, 0] + cos_a * wi[:, 2]], 1)
-        fit = minimize(_compute_loss, start, (local, weight / weight.sum()), method="Nelder-Mead",
+        fit = scipy.optimize.minimize(_compute_loss, start, (local, weight / weight.sum()), method="Nelder-Mead",
                        options={"xatol": 1e-3, "fatol": 1e-5})  # fmt: skip
         start = fit.x
         a, c, b = np.exp(fit.x[0]), np.exp(fit.x[1]), fit.x[2]

@@ -4,9 +4,9 @@ from math import log, pi, sqrt
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
+import scipy
 import torch
 from pydantic import Field
-from scipy.optimize import nnls
 from torch import Tensor
 
 from glossbench.prefilter import (
@@ -130,7 +130,7 @@ def fit_light(light: CubeMap, n: int) -> Gaussians:
     weight = texel_solid_angles(resolution).sqrt().expand(6, -1, -1).reshape(-1, 1)
     q, r = np.linalg.qr((weight * torch.exp(sharpness * (d @ axes.T - 1))).numpy())
     wanted = q.T @ (weight * faces.reshape(-1, 3).cpu().double()).numpy()
-    amplitude = np.stack([nnls(r, wanted[:, channel])[0] for channel in range(3)], axis=1)
+    amplitude = np.stack([scipy.optimize.nnls(r, wanted[:, channel])[0] for channel in range(3)], axis=1)
     device = faces.device
     return Gaussians(
         Vec3(*(c.float()[None].to(device) for c in axis)),

@@ -2,8 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 
 def find_reversed_faces(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -13,6 +11,9 @@ def find_reversed_faces(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     reversed, and an edge joins the nodes that agree: one component holds one choice for all its faces, another the
     opposite choice. If both are the same component, the surface is one-sided like a Moebius strip, and its faces stay.
     """
+    from scipy.sparse import coo_array  # late, as few runs have a mesh, and both take a fifth of a second to import
+    from scipy.sparse.csgraph import connected_components
+
     n = len(faces)
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     low, high = edges.min(1), edges.max(1)

@@ -21,6 +21,7 @@ from glossbench.scene.points import View, image_of
 from glossbench.shading.visibility import occluder_of
 from glossbench.truth.blocks import build_light_blocks
 from glossbench.truth.checkpoint import Checkpoint
+from glossbench.truth.pilot import choose_pilot
 from glossbench.truth.sampling import FIRST_SAMPLES, N_REPLICATES, build_tables, predict_samples, sample_points
 from glossbench.truth.summation import Sums, plan_sum, sum_points
 
@@ -160,11 +161,12 @@ def compute_reference(
     tables = build_tables(light, reflectance, occluder)
     if occluder is None and method != "sampling":
         blocks, most = build_light_blocks(light), max_samples * tables.n_techniques
-        plan = plan_sum(points, reflectance, blocks, relative_error, most)
+        pilot = choose_pilot(points, reflectance, blocks)
+        plan = plan_sum(pilot, reflectance, blocks, relative_error, most)
         # Sampling draws its first samples in any case.
         first = FIRST_SAMPLES * N_REPLICATES * tables.n_techniques
         if method == "auto" and (plan.error > relative_error or plan.evaluations > first):
-            noise, n_samples = predict_samples(points, tables, relative_error, max_samples, seed)
+            noise, n_samples = predict_samples(pilot, tables, relative_error, max_samples, seed)
             is_met = noise <= relative_error, plan.error <= relative_error
             method = "sampling" if (is_met[0], -n_samples) > (is_met[1], -plan.evaluations) else "summation"
         if method != "sampling":

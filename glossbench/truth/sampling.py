@@ -28,10 +28,10 @@ from glossbench.scene.points import Occluder, ShadingPoints
 from glossbench.shading.kernels import kernel, over_points
 from glossbench.shading.visibility import unhidden
 from glossbench.truth.checkpoint import Checkpoint
+from glossbench.truth.pilot import Pilot
 
 N_REPLICATES = 16  # the relative error of the standard error is 1 / sqrt(2 (16 - 1)) = 18 %
 FIRST_SAMPLES = 64  # per replicate and technique
-PILOT = 256  # points from which the number of samples is predicted
 EVEN = 0.25  # share of the light's samples that all lit parts of the light get alike
 RATE = 0.85  # noise falls about as samples^-0.85
 
@@ -119,22 +119,20 @@ def sample_points(
         n *= 2
 
 
-def _measure_noise(means: Tensor) -> float:
+def _measure_noise(means: Tensor, mean: Callable[[Tensor], Tensor] = torch.mean) -> float:
     """The standard error of a mean of all replicates, RMS, judged by some of them, divided by their mean."""
-    level = float(means.mean())
-    noise = float(means.var(0).mean().sqrt()) / N_REPLICATES**0.5
+    level = float(mean(means))
+    noise = float(mean(means.var(0)).sqrt()) / N_REPLICATES**0.5
     return noise / level if level > 0 else 0.0
 
 
 def predict_samples(
-    points: ShadingPoints, tables: Tables, relative_error: float, max_samples: int, seed: int
+    pilot: Pilot, tables: Tables, relative_error: float, max_samples: int, seed: int
 ) -> tuple[float, float]:
     """Relative noise and samples per pixel at which `sample_points` will end, from a first round at a few points."""
-    first = N_REPLICATES * FIRST_SAMPLES
-    some = points.map(lambda c: c[:: max(1, len(points) // PILOT)])
-    kept = Checkpoint(None)
-    replicates, n_samples = sample_points(some, tables, relative_error, first, seed, lambda noise, n: None, kept)
-    noise, per_sample = _measure_noise(replicates), n_samples / first
+    first, kept, tell = N_REPLICATES * FIRST_SAMPLES, Checkpoint(None), lambda noise, n: None
+    replicates, n_samples = sample_points(pilot.points, tables, relative_error, first, seed, tell, kept)
+    noise, per_sample = _measure_noise(replicates, pilot.mean), n_samples / first
     while noise > relative_error and 2 * first <= max_samples:
         first, noise = 2 * first, noise / 2**RATE
     return noise, first * per_sample

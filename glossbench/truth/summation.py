@@ -23,13 +23,11 @@ from glossbench.shading.kernels import PerPoint, over_points
 from glossbench.truth.block_sums import Nodes, nodes, sum_by_corners, sum_by_moments
 from glossbench.truth.blocks import MOMENTS, LightBlocks
 from glossbench.truth.checkpoint import Checkpoint
+from glossbench.truth.pilot import SEEDS, Pilot, seed_level
 
 FIRST, DEEPEST = 1, 22  # levels of blocks; float32 does not resolve finer ones
 CHUNK = 2048  # points at a time
-PILOT = 256  # points from which the work is predicted
 TRIES = 3
-SEEDS = 32  # samples of each lobe that say where it lies
-SEED_SIZE = 4.0  # pdf times solid angle of a block about a sample
 SAFETY = 2.5  # stated error over the root of the sum of squares
 ROUNDING = 5e-6  # of the radiance, which float32 leaves
 DIMMEST = 0.05  # of the mean radiance: the tolerance of a point follows its radiance from here to half the mean
@@ -118,17 +116,15 @@ class Plan(NamedTuple):
     most: int
 
 
-def plan_sum(
-    points: ShadingPoints, reflectance: Reflectance, light: LightBlocks, relative_error: float, most: int
-) -> Plan:
-    """The tolerance that makes a sum as accurate as wanted, found with at most `PILOT` of the points."""
-    some = points.map(lambda c: c[:: max(1, len(points) // PILOT)])
+def plan_sum(pilot: Pilot, reflectance: Reflectance, light: LightBlocks, relative_error: float, most: int) -> Plan:
+    """The tolerance that makes a sum as accurate as wanted, found with a few of the points."""
+    some = pilot.points
     coarse = sum_blocks(some, reflectance, light, Plan(1.0, 1e30, 0.0, 0.0, most))
-    mean, tolerance = float(coarse.radiance.mean()), relative_error / SAFETY
+    mean, tolerance = float(pilot.mean(coarse.radiance)), relative_error / SAFETY
     for _ in range(5):
         plan = Plan(mean, tolerance, 0.0, 0.0, most)
         found = sum_blocks(some, reflectance, light, plan)
-        error = float(found.error.square().mean().sqrt()) / mean if mean > 0 else 0.0
+        error = float(pilot.mean(found.error.square()).sqrt()) / mean if mean > 0 else 0.0
         plan = plan._replace(error=error, evaluations=found.evaluations / len(some))
         is_close = 0.4 * relative_error < error <= 0.9 * relative_error or (error <= relative_error and tolerance > 1)
         if is_close or plan.evaluations >= most:
@@ -178,10 +174,10 @@ def find_seeds(points: ShadingPoints, reflectance: Reflectance) -> Seeds:
         wi, pdf, _ = lobe.sample(wo, lobe.sample_points(u))
         d = stack(to_world(wi, columns.t, columns.b, columns.n))
         face, _, _, major = face_coordinates(Vec3(*d.unbind(-1)))
-        level = 1 + torch.log2(pdf * major**3 / SEED_SIZE).clamp(min=-2) / 2
+        level = seed_level(pdf, major)
         above = torch.broadcast_to(wi.z > 0, face.shape)
         point = torch.arange(len(points), device=d.device)[:, None].expand(face.shape)
-        level = torch.broadcast_to(level.ceil().clamp(max=DEEPEST - 2).long(), face.shape)
+        level = torch.broadcast_to(level.clamp(max=DEEPEST - 2), face.shape)
         found.append([each[above] for each in (point, d / major[..., None], face.long(), level)])
     if not found:
         none = torch.zeros(0, dtype=torch.long, device=points.device)
