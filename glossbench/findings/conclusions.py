@@ -1,11 +1,12 @@
 """Conclusions: the verdict on a claim, and a sentence about it, from the cases of the claim."""
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from glossbench.findings.comparisons import EQUAL, FAILS, HOLDS, NOISE, UNTESTED, Case
+from glossbench.findings.extent import describe_extent
+from glossbench.findings.where_words import make_shortener, split_where
 
 Numbers = Mapping[str, Any]  # one case as JSON types
 
@@ -20,10 +21,11 @@ def conclude(cases: list[Case], quantity: str, notes: Counter[str], sides: Seque
     count = Counter(case.verdict for case in cases)
     verdict = _decide(cases)
     others = "".join(f", {count[word]} {word}" for word in (EQUAL, NOISE) if count[word])
-    span = describe_span([case.as_numbers() for case in cases])
+    numbers = [case.as_numbers() for case in cases]
+    span = describe_span(numbers)
     first = f"Judged without {failed} of its cells, which failed. " if failed else ""
     counted = f"{first}Holds in {count[HOLDS]} of {len(cases)} cases{others}"
-    told = "".join(f" {text}." for text in describe_readings(cases))
+    told = "".join(f" {text}." for text in (*describe_readings(cases), describe_extent(numbers)) if text)
     return verdict, f"{counted}; {quantity}: {span}{_describe_seeds(cases, sides)}{left_out}.{told}"
 
 
@@ -80,20 +82,9 @@ def _format_number(case: Numbers) -> str:
 
 
 def _distinguish(named: Sequence[Numbers], cases: Sequence[Numbers]) -> list[str]:
-    """For each named case, the words of its `where` that not all cases share.
-
-    Of a name with options that differ, such as "kurt (m 0.1)" and "kurt (m 0.2)", only the options are left.
-    """
-    words = [re.split(r", (?![^(\[]*[)\]])", str(case["where"])) for case in cases]  # no comma within brackets
-    shared = set.intersection(*map(set, words))
-    heads = set.intersection(*({word.partition(" (")[0] for word in own if word.endswith(")")} for own in words))
-
-    def shorten(word: str) -> str:
-        name, _, options = word.partition(" (")
-        if not word.endswith(")") or " against " in word:
-            return word
-        return options[:-1] if name in heads else f"{name} with {options[:-1]}"
-
+    """For each named case, the words of its `where` that not all cases share."""
+    words = [split_where(str(case["where"])) for case in cases]
+    shared, shorten = set.intersection(*map(set, words)), make_shortener(words)
     found = []
     for case in named:
         own = words[next(i for i, each in enumerate(cases) if each is case)]

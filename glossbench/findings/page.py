@@ -7,6 +7,7 @@ from typing import Any
 
 from glossbench.findings.comparisons import EQUAL, HOLDS, NOISE
 from glossbench.findings.conclusions import describe_span
+from glossbench.findings.extent import describe_extent
 from glossbench.findings.legends import explain_verdicts
 from glossbench.findings.summary import Summary
 
@@ -27,7 +28,9 @@ def compose_page(summaries: Sequence[Summary], studies: Collection[str] = (), ea
         "# Findings",
         "Each claim is a sentence of a paper, or a question, as a comparison that a run checks. `glossbench run STUDY` "
         "computes the cells again, and `glossbench info STUDY` says what a study compares. Numbers in brackets are "
-        "95 % intervals from the noise of the reference.",
+        "95 % intervals from the noise of the reference. The row of a claim that holds in some cases ends with what "
+        "those share in which it fails, or else with the largest groups in which it holds. Such words are found after "
+        "the fact: a small group may be whole by chance.",
         MADE,
         f"Claims of the studies with a summary ({len(summaries)}): {total}.",
         "\n".join(words),
@@ -80,12 +83,12 @@ def _count_cases(claim: Mapping[str, Any]) -> str:
 
 
 def _describe_numbers(claim: Mapping[str, Any]) -> str:
-    """The quantity of a claim in its lowest and highest case, and its readings; or why there is no case."""
+    """The quantity of a claim in its lowest and highest case, its readings and its extent; or why there is no case."""
     cases = claim["numbers"]
     if not cases:
         return str(claim["summary"])
-    readings = "".join(f". {text}" for text in claim.get("readings", ()))
-    return f"{claim['quantity']}: {describe_span(cases)}{readings}"
+    told = "".join(f". {text}" for text in (*claim.get("readings", ()), describe_extent(cases)) if text)
+    return f"{claim['quantity']}: {describe_span(cases)}{told}"
 
 
 def _escape_cell(text: str) -> str:

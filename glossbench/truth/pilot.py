@@ -42,9 +42,9 @@ def choose_pilot(points: ShadingPoints, reflectance: Reflectance, light: LightBl
     view. Then candidates are drawn in proportion to a mixture of the even density and the estimate.
     """
     even, many = (points.map(lambda c: c[:: max(1, len(points) // n)]) for n in (POINTS, CANDIDATES))  # noqa: B023
-    seen = _estimate(many, reflectance, light)
+    seen = estimate_radiance(many, reflectance, light)
     expected = seen.mean()
-    if 0.7 * expected <= _estimate(even, reflectance, light).mean() <= 1.4 * expected:
+    if 0.7 * expected <= estimate_radiance(even, reflectance, light).mean() <= 1.4 * expected:
         return Pilot(even)
     density = 0.5 / len(many) + 0.5 * seen / seen.sum()
     places = (torch.arange(POINTS, device=points.device) + 0.5) / POINTS
@@ -52,7 +52,7 @@ def choose_pilot(points: ShadingPoints, reflectance: Reflectance, light: LightBl
     return Pilot(many.map(lambda c: c[at]), 1 / (len(many) * density[at]))
 
 
-def _estimate(points: ShadingPoints, reflectance: Reflectance, light: LightBlocks) -> Tensor:
+def estimate_radiance(points: ShadingPoints, reflectance: Reflectance, light: LightBlocks) -> Tensor:
     """What glossy lobes show, roughly: a mean over samples of their weight times the light's mean about them, (P,)."""
     columns = points.columns(0, len(points))
     wo, total = columns.wo_local(), torch.zeros(len(points), dtype=torch.float64, device=points.device)

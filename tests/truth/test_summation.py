@@ -299,7 +299,7 @@ def test_auto_takes_the_sum_where_few_points_see_the_light(monkeypatch):
 
 
 def test_points_that_are_chosen_evenly_would_take_samples(monkeypatch):
-    monkeypatch.setattr(pilot, "_estimate", lambda points, *rest: torch.ones(len(points)))
+    monkeypatch.setattr(pilot, "estimate_radiance", lambda points, *rest: torch.ones(len(points)))
 
     assert method_under_one_texel(monkeypatch) == "sample"
 
