@@ -4,12 +4,15 @@ import logging
 import os
 import pickle
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
+from threading import Lock
 from typing import NamedTuple
 
 from torch import Tensor
@@ -73,34 +76,78 @@ def has_compiler() -> bool:
 def build_all(calls: Iterable[Call], tell: Callable[[Call], None] = lambda call: None) -> list[Artefact | None]:
     """Compile kernels, one on each core at a time, while `calls` finds the next ones.
 
+    If it is interrupted, it ends the compilers that run and begins no other.
+
     Args:
         tell: called with each that is done.
     """
+    processes = _Processes()
 
     def build_one(call: Call) -> Artefact | None:
-        artefact = build(call)
+        artefact = _build(call, processes)
         tell(call)
         return artefact
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(build_one, calls))
+        try:
+            return list(pool.map(build_one, calls))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            processes.end()
+            raise
 
 
 def build(call: Call) -> Artefact | None:
     """Compile a kernel. If this fails, a warning of one line says so."""
+    return build_all([call])[0]
+
+
+class _Processes:
+    """Compilers, each in a group of its own with the programs that it calls, which end together."""
+
+    def __init__(self) -> None:
+        self.have_ended = False
+        self._lock = Lock()
+        self._every: list[subprocess.Popen[bytes]] = []
+
+    def add(self, process: "subprocess.Popen[bytes]") -> None:
+        with self._lock:
+            self._every.append(process)
+            if self.have_ended:
+                _end(process)
+
+    def end(self) -> None:
+        with self._lock:
+            self.have_ended = True
+            for process in self._every:
+                _end(process)
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    if process.poll() is None:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM) if hasattr(os, "killpg") else process.kill()
+
+
+def _build(call: Call, processes: _Processes) -> Artefact | None:
     types = [(t.dtype, tuple(t.shape)) for t in call.tensors]
     request = pickle.dumps(sys.path) + pickle.dumps((call.kernel.place, call.form, types, call.key, call.part))
     why = ""
     try:
-        done = subprocess.run(
+        with subprocess.Popen(
             [sys.executable, "-c", f"from {COMPILER} import main; main()"],
-            input=request, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=PATIENCE,
-        )  # fmt: skip
-        why = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True,
+        ) as process:  # fmt: skip
+            processes.add(process)
+            try:
+                _, told = process.communicate(request, PATIENCE)
+            finally:
+                _end(process)
+        why = (told.decode(errors="replace").strip().splitlines() or [f"exit code {process.returncode}"])[-1]
     except subprocess.TimeoutExpired:
         why = f"it takes more than {PATIENCE:.0f} s"
     artefact = artefacts.find(call.key, call.tensors)
-    if artefact is None:
+    if artefact is None and not processes.have_ended:
         failed.add(call.key)
         _log.warning("%s is not compiled and runs eagerly: %s", call.kernel.name, why)
     return artefact

@@ -6,6 +6,7 @@ exit code 0. Otherwise the last line on standard error says why.
 
 import os
 import pickle
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -86,6 +87,7 @@ def compile_kernel(place: tuple[str, str], form: Form, types: list[Type], key: s
 
 def main() -> None:
     """Entry point of the process."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # temporary folders are removed
     sys.path[:] = pickle.load(sys.stdin.buffer)  # plug-ins lie where the process that asks has found them
     arguments = pickle.load(sys.stdin.buffer)
     with warnings.catch_warnings():

@@ -5,7 +5,9 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -107,6 +109,47 @@ def test_one_compiled_kernel_serves_all_sizes(cache, n_samples, n_weights, resol
     torch.testing.assert_close(found, eager, rtol=1e-6, atol=0)
 
 
+SLOW_COMPILER = """
+import os, subprocess, sys
+def main():
+    program = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(300)"])
+    with open(f"{os.getpid()}.begun", "w") as file:
+        file.write(str(program.pid))
+    program.wait()
+"""
+
+
+def is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_an_interruption_ends_the_compilers_that_run_and_begins_no_other(tmp_path, monkeypatch, caplog):
+    (tmp_path / "slow_compiler.py").write_text(SLOW_COMPILER)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(build, "COMPILER", "slow_compiler")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    with backend.recording() as recorded:
+        over_points(cosines, Sphere(resolution=20).points(), N, *arguments())
+
+    def find_calls():
+        yield from recorded[:1] * 20
+        while not any(file.stat().st_size for file in tmp_path.glob("*.begun")):
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build.build_all(find_calls())
+
+    begun = {int(file.stem): int(file.read_text() or 0) for file in tmp_path.glob("*.begun")}
+    assert 1 <= len(begun) <= (os.cpu_count() or 1)
+    time.sleep(0.1)
+    assert not [pid for pid in (*begun, *begun.values()) if is_running(pid)]
+    assert not caplog.records
+
+
 def test_the_check_sees_a_compiled_kernel_that_is_wrong(cache, monkeypatch):
     with backend.recording() as calls:
         over_points(cosines, Sphere(resolution=20).points(), N, *arguments())
@@ -197,8 +240,9 @@ def test_without_a_compiler_one_line_says_so(tmp_path, monkeypatch, caplog):
 def test_a_compiler_that_fails_is_one_line_and_is_not_tried_again(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(backend, "loaded", {})
-    failing = subprocess.CompletedProcess([], 1, b"", b"a traceback\nInductorError: main.so: file too short\n")
-    monkeypatch.setattr(build.subprocess, "run", lambda *_, **__: failing)
+    (tmp_path / "failing_compiler.py").write_text("def main(): raise OSError('main.so: file too short')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(build, "COMPILER", "failing_compiler")
     monkeypatch.setattr(build, "failed", set())
     monkeypatch.setattr(backend, "failed", build.failed)
     monkeypatch.setattr(backend, "has_compiler", lambda: True)
@@ -207,7 +251,7 @@ def test_a_compiler_that_fails_is_one_line_and_is_not_tried_again(tmp_path, monk
 
     assert [how for _, how in images] == ["eager", "eager"]
     assert [record.getMessage() for record in caplog.records] == [
-        "of_tests is not compiled and runs eagerly: InductorError: main.so: file too short"
+        "of_tests is not compiled and runs eagerly: OSError: main.so: file too short"
     ]
 
 
