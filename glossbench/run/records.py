@@ -104,9 +104,7 @@ class Records:
 
     def write_table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write rows as Parquet."""
-        coded = BytesIO()
-        pandas.DataFrame(rows).to_parquet(coded, index=False)
-        self.store.put(name, coded.getvalue())
+        self.store.put(name, encode_table(rows))
 
     def read_table(self, name: str) -> pandas.DataFrame | None:
         """The table in a file; None if it is damaged."""
@@ -120,3 +118,10 @@ class Records:
     def explain_fault(self, name: str) -> str:
         """The message that a file is damaged or missing."""
         return f"{self.store.locate(name)} is {'damaged' if self.store.has(name) else 'missing'}"
+
+
+def encode_table(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """Rows as Parquet."""
+    coded = BytesIO()
+    pandas.DataFrame(rows).to_parquet(coded, index=False)
+    return coded.getvalue()

@@ -20,6 +20,7 @@ references/KEY.exr  a reference. KEY_standard_error.exr is its standard error, K
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from glossbench.findings.verdicts import judge
 from glossbench.metrics import METRICS, Metric
 from glossbench.run.cell_files import CellFiles
 from glossbench.run.manifest import COMPARED, KEPT, SUMMARY, Manifest, join_first, make_entry
+from glossbench.run.records import encode_table
 from glossbench.strict_json import dumps, loads
 from glossbench.study.claims import read_claims
 from glossbench.study.document import dump, read_document
@@ -108,7 +110,8 @@ class Results(CellFiles):
     ) -> None:
         """Write the study, its verdicts, its provenance and, last, the table of cells, which marks the run as finished.
 
-        If the folder keeps an earlier study with more cells, these rows are added to those of the earlier study.
+        If the folder keeps an earlier study with more cells, these rows are added to those of the earlier study. A run
+        that computed nothing leaves the provenance of the run that did.
         """
         old = self.disk.manifest
         by_entry = {dumps(make_entry(row)): row for row in rows}
@@ -121,6 +124,9 @@ class Results(CellFiles):
         for name in self.store.list("references/"):
             if name.endswith(".partial.npz"):
                 self.store.remove(name)  # left by a study that has changed since
+        table = sha256(encode_table(with_names(rows))).hexdigest()
+        if old.is_finished and table == old.files.get("cells.parquet"):
+            provenance = self.provenance or provenance
         self.disk.write("study.yaml", dump(study))
         self.disk.write("claims.json", dumps(verdicts, indent=1))
         self.disk.write("provenance.json", dumps(provenance, indent=1))

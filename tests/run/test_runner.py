@@ -390,6 +390,15 @@ def test_the_same_study_computes_nothing_again(study_of, tmp_path, monkeypatch):
     assert remains(tmp_path / "r") == before
 
 
+def test_a_run_that_computes_nothing_leaves_the_times_and_versions_of_the_one_that_did(study_of, tmp_path, monkeypatch):
+    study = study_of(methods="{flat: {samples: [1, 101]}}")
+    before = run_study(study, tmp_path / "r").provenance
+    monkeypatch.setattr("glossbench.run.runner.collect_provenance", lambda *given: {"finished": "later"})
+
+    assert run_study(study, tmp_path / "r").provenance == before
+    assert run_study(study, tmp_path / "r", use_cache=False).provenance == {"finished": "later"}
+
+
 def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, first_again, monkeypatch):
     from glossbench.run import executor
 
