@@ -7,8 +7,11 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 GRACE = 2.0  # seconds in which interrupted work must end
+SOON = 0.02  # seconds after which an import that is under way is looked at again
+_IMPORTER = "<frozen importlib._bootstrap>"  # the file that its frames name
 
 
 @contextmanager
@@ -44,11 +47,22 @@ def time_limit(seconds: float, give_up: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def alarm(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in Python code of the block after `seconds`; not in other threads, nor on some systems."""
+    """Raise TimeoutError in Python code of the block after `seconds`; not in other threads, nor on some systems.
+
+    An import that is under way ends first: of a module that is half-made, parts would stay, and the next import fail.
+    """
     if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGALRM, lambda *_: _interrupt(seconds))
+    n_imports = count_imports(sys._getframe())
+
+    def interrupt(_: int, frame: FrameType | None) -> None:
+        if count_imports(frame) > n_imports:
+            signal.setitimer(signal.ITIMER_REAL, SOON)
+        else:
+            raise TimeoutError(f"took more than the time limit of {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, interrupt)
     try:
         signal.setitimer(signal.ITIMER_REAL, seconds)
         yield
@@ -57,5 +71,10 @@ def alarm(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _interrupt(seconds: float) -> None:
-    raise TimeoutError(f"took more than the time limit of {seconds:g} s")
+def count_imports(frame: FrameType | None) -> int:
+    """How many frames of Python's importer are on a stack."""
+    n = 0
+    while frame is not None:
+        n += frame.f_code.co_filename == _IMPORTER
+        frame = frame.f_back
+    return n
