@@ -46,22 +46,22 @@ class Line:
     ratio: str = ""
 
 
-def measure(tell: Callable[[str], None]) -> list[Line]:
+def measure(tell: Callable[[str], None]) -> Iterator[Line]:
     """All measurements; `tell` is called with the name of each before it begins. The first run compiles the kernels."""
     tell("shading kernel")
-    lines = _measure_kernels()
+    yield from _measure_kernels()
     tell("the kernels of all methods")
-    lines += _measure_methods()
+    yield from _measure_methods()
     tell("sampling the lighting function")
-    lines += _measure_lighting()
+    yield from _measure_lighting()
     tell("reference")
-    lines += _measure_references()
+    yield from _measure_references()
     tell("pyramids of a 1024 cube")
-    lines += _measure_pyramid(1024)
+    yield from _measure_pyramid(1024)
     tell(f"{REGIONS} partial maps of a {CUBE} cube, and their shadow maps")
-    lines += _measure_partial_maps()
+    yield from _measure_partial_maps()
     tell("peak memory of a 512^2 sphere at 270 samples")
-    return [*lines, _measure_memory()]
+    yield _measure_memory()
 
 
 def _measure_kernels() -> list[Line]:
@@ -208,7 +208,7 @@ def _measure_partial_maps() -> list[Line]:
     regions = median_cut(light, REGIONS)
     plain = REGIONS * _measure_seconds(lambda: build_pyramid(light, "box"), 5)
     lines = [Line(f"{REGIONS} box pyramids of a {CUBE} cube", f"{plain:.2f} s", "1")]
-    for name, storage, maps in _find_map_stages():
+    for name, storage, maps in find_map_stages():
         seconds = _measure_seconds(lambda: maps(light, regions), 1)  # noqa: B023
         lines.append(Line(f"{REGIONS} maps of {name}, {storage}", f"{seconds:.2f} s", f"{seconds / plain:.1f}"))
     mesh = cloth(rows=187)
@@ -216,11 +216,11 @@ def _measure_partial_maps() -> list[Line]:
     return [*lines, Line(f"{REGIONS} shadow maps of 256^2, a mesh of {len(mesh.faces)} triangles", f"{seconds:.2f} s")]
 
 
-def _find_map_stages() -> Iterator[tuple[str, str, Callable[..., Any]]]:
-    """(method, storage, stage `maps`) for each method that offers several storages of partial maps."""
+def find_map_stages() -> Iterator[tuple[str, str, Callable[..., Any]]]:
+    """(method, storage, stage `maps`) for each method that offers several storages of the maps of regions."""
     for cls in map(METHODS.get, METHODS.names()):
-        storage = {each.name: each.type for each in fields(cls)}.get("storage")
-        for value in get_args(storage):
+        options = {each.name: each.type for each in fields(cls)}
+        for value in get_args(options.get("storage")) if "regions" in options else ():
             method = cls.create({"storage": value, "regions": REGIONS, "mip_filter": "sqrt_cosine"})
             yield cls.name, value, partial(order_stages(cls)["maps"].function, method)
 

@@ -169,9 +169,11 @@ def bench(
     from glossbench.commands.bench_scale import measure_scale
 
     table = Table("what", "value", "ratio", box=None, pad_edge=False)
-    for line in (measure_scale if scale else measure)(lambda text: err.print(f"{text} ...", style="dim")):
-        table.add_row(line.what, line.value, line.ratio)
-    out.print(table)
+    try:
+        for line in (measure_scale if scale else measure)(lambda text: err.print(f"{text} ...", style="dim")):
+            table.add_row(line.what, line.value, line.ratio)
+    finally:
+        out.print(table)  # what was measured before an end
 
 
 @app.command(name="sys-info")
