@@ -12,7 +12,7 @@ def cache(tmp_path, monkeypatch):
     """An empty cache, and a compiler that writes nothing."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(build, "has_compiler", lambda: True)
-    monkeypatch.setattr(build, "build", lambda call: asked.append(call.kernel.name))
+    monkeypatch.setattr(build, "build", lambda call, processes: asked.append(call.kernel.name))
     asked = []
     return asked
 

@@ -84,7 +84,7 @@ def build_all(calls: Iterable[Call], tell: Callable[[Call], None] = lambda call:
     processes = _Processes()
 
     def build_one(call: Call) -> Artefact | None:
-        artefact = _build(call, processes)
+        artefact = build(call, processes)
         tell(call)
         return artefact
 
@@ -95,11 +95,6 @@ def build_all(calls: Iterable[Call], tell: Callable[[Call], None] = lambda call:
             pool.shutdown(wait=False, cancel_futures=True)
             processes.end()
             raise
-
-
-def build(call: Call) -> Artefact | None:
-    """Compile a kernel. If this fails, a warning of one line says so."""
-    return build_all([call])[0]
 
 
 class _Processes:
@@ -129,7 +124,13 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
             os.killpg(process.pid, signal.SIGTERM) if hasattr(os, "killpg") else process.kill()
 
 
-def _build(call: Call, processes: _Processes) -> Artefact | None:
+def build(call: Call, processes: _Processes | None = None) -> Artefact | None:
+    """Compile a kernel. If this fails, a warning of one line says so.
+
+    Args:
+        processes: those with which its compiler ends.
+    """
+    processes = processes or _Processes()
     types = [(t.dtype, tuple(t.shape)) for t in call.tensors]
     request = pickle.dumps(sys.path) + pickle.dumps((call.kernel.place, call.form, types, call.key, call.part))
     why = ""
