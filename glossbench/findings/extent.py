@@ -20,8 +20,8 @@ def describe_extent(cases: Sequence[Mapping[str, Any]]) -> str:
     """Where a claim fails or holds, if one or two words of its cases tell it; else "".
 
     "It fails only for W (k of n cases)", if all cases that fail share a word; else "it holds for W (n cases)" for the
-    largest groups of cases that share a word, or two, in which no case fails and one holds. A group has three cases at
-    least, and not all. The words are found after the fact: a small group may be whole by chance.
+    largest groups of cases that share a word, or two, in which no case fails and one holds. Such a group has three
+    cases at least, and not all. The words are found after the fact: a small group may be whole by chance.
 
     Args:
         cases: as JSON types, with `where` and `verdict`.

@@ -102,10 +102,6 @@ class Records:
         checksum = self.manifest.files.get(name)
         return checksum is not None and self.compute_checksum(name) != checksum
 
-    def write_table(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write rows as Parquet."""
-        self.store.put(name, encode_table(rows))
-
     def read_table(self, name: str) -> pandas.DataFrame | None:
         """The table in a file; None if it is damaged."""
         try:

@@ -124,13 +124,13 @@ class Results(CellFiles):
         for name in self.store.list("references/"):
             if name.endswith(".partial.npz"):
                 self.store.remove(name)  # left by a study that has changed since
-        table = sha256(encode_table(with_names(rows))).hexdigest()
-        if old.is_finished and table == old.files.get("cells.parquet"):
+        table = encode_table(with_names(rows))
+        if old.is_finished and sha256(table).hexdigest() == old.files.get("cells.parquet"):
             provenance = self.provenance or provenance
         self.disk.write("study.yaml", dump(study))
         self.disk.write("claims.json", dumps(verdicts, indent=1))
         self.disk.write("provenance.json", dumps(provenance, indent=1))
-        self.disk.write_table("cells.parquet", with_names(rows))
+        self.store.put("cells.parquet", table)
         files = {name: self.disk.compute_checksum(name) for name in (*SUMMARY, *KEPT)}
         Manifest(tuple(map(make_entry, rows)), {**old.files, **files}, True).write(self.store)
 
