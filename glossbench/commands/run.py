@@ -117,7 +117,7 @@ def run(
     warn_of_times(results.cells)
     print_notes(results.cells)
     print_verdicts(results.claims)
-    is_whole = _write_reports(results.where)
+    is_whole = _write_reports(results.where, keeps=not no_cache)
     failed = int((results.cells["status"] == "failed").sum())
     if failed:
         err.print(
@@ -185,18 +185,27 @@ def format_seconds(seconds: float) -> str:
     return f"{value:.2g} {unit}"
 
 
-def _write_reports(where: Path | str, only: Collection[str] = ()) -> bool:
+def _write_reports(where: Path | str, only: Collection[str] = (), keeps: bool = False) -> bool:
     """Write the reports, or only some. A report that fails gives one line, and the others are still written.
+
+    Args:
+        keeps: leave a report that a new one would equal.
 
     Returns: whether all were written.
     """
-    is_whole = True
+    from glossbench.commands.report_marks import ReportMarks
+    from glossbench.run.results import Results
+
+    is_whole, marks = True, ReportMarks(Results(where))
     for name, write in _report_writers().items():
         if only and name not in only:
             continue
         try:
-            with err.status(f"report {name}"):
-                page = write(where)
+            page = marks.find_current(name) if keeps else None
+            if page is None:
+                with err.status(f"report {name}"):
+                    page = write(where)
+                marks.add(name)
             say(f"report: {page}")
         except KeyboardInterrupt:
             again = f"the results are whole: `glossbench report {where}` writes the reports"

@@ -24,14 +24,6 @@ class RadianceImage(Protocol):
     def mask(self) -> Mask: ...
 
 
-@runtime_checkable
-class NoisyImage(Protocol):
-    """A reference: unlike an image, it has the standard error of its radiance."""
-
-    @property
-    def standard_error(self) -> Picture: ...
-
-
 class Metric(Options):
     """Computes a number and an error map from an image and a reference of the same view.
 
@@ -112,7 +104,8 @@ def _prepare_images(image: RadianceImage, truth: RadianceImage) -> tuple[Colours
             raise InputError(
                 f"metric(image, truth): {which} must have radiance and mask, got {describe_wrong_value(given)}"
             )
-    if isinstance(image, NoisyImage) and not isinstance(truth, NoisyImage):
+    # A reference has the standard error of its radiance, an image has none.
+    if getattr(image, "standard_error", None) is not None and getattr(truth, "standard_error", None) is None:
         raise InputError("metric(image, truth): the reference comes second, got it first")
     mask = truth.mask.cpu().numpy()
     if image.mask.shape != mask.shape:
@@ -131,6 +124,7 @@ def _check_radiance(what: str, image: RadianceImage, mask: Masked) -> Colours:
             f"radiance of {what} must be {(*mask.shape, 3)}, as its mask, got {tuple(image.radiance.shape)}"
         )
     radiance = np.where(mask[..., None], image.radiance.detach().double().cpu().numpy(), 0.0)
-    if n_bad := int((~np.isfinite(radiance)).any(axis=2).sum()):
+    if not np.isfinite(radiance).all():
+        n_bad = int((~np.isfinite(radiance)).any(axis=2).sum())
         raise InputError(f"radiance of {what} must be finite, but {n_bad} of {int(mask.sum())} masked pixels are not")
     return radiance

@@ -137,7 +137,7 @@ class Executor:
     def _execute(self, cell: Cell, record: CellRecord, made: CellParts) -> tuple[CellRecord, Image | None, Any]:
         """(record of a cell with all measurements, its image, its pattern)."""
         material, view, method = made.material, made.view, made.method
-        with self._guarded(cell, record):
+        with self._guarded(cell, record) if self.keys.sources.has_foreign(cell) else nullcontext():
             reason = check_reason(method.name, method.supports(material, view.scene()))
             if reason is not None:
                 return replace(record, status="skipped", reason=reason), None, None

@@ -53,11 +53,12 @@ def measure(
 
     def compute_metric(metric: Metric, image: Image, *references: Reference) -> list[float]:
         """The metric against each of some references."""
-        pairs = [[replace(x, radiance=view.recorded(x.radiance)) for x in (image, each)] for each in references]
+        seen = replace(image, radiance=view.recorded(image.radiance))
+        recorded = [replace(each, radiance=view.recorded(each.radiance)) for each in references]
         with guarded(type(metric)):
             # A plug-in may write into itself.
-            owns = (copy_of(metric) if is_foreign(type(metric)) else metric for _ in pairs)
-            values = [own(seen, recorded) for own, (seen, recorded) in zip(owns, pairs, strict=True)]
+            owns = (copy_of(metric) if is_foreign(type(metric)) else metric for _ in recorded)
+            values = [own(seen, each) for own, each in zip(owns, recorded, strict=True)]
         return [check_number(metric.name, value) for value in values]
 
     def with_left_out(metric: Metric, image: Image) -> list[float]:

@@ -8,6 +8,7 @@ kernels.json        how each kernel ran, eagerly or compiled, which a resumed ru
 claims.json         the verdicts
 provenance.json     versions, hardware, times
 glossbench.json     the list of files that this program wrote, and the keys of the study's cells; exists from the start
+reports.json        what each report was made of: a run leaves a report that a new one would equal
 cells/KEY.json      the row of one cell, with checksums of itself and of its files; the cell is done if it exists
 begun/KEY.begun     a mark while a cell is computed: how often the process ended during this cell
 begun/run.json      the run that writes to this folder now
