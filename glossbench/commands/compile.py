@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glossbench.commands import completion
-from glossbench.commands.printing import err, say
+from glossbench.commands.printing import Pulse, err, say
 from glossbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def compile_kernels(
     calls: list[Call] = []
     names = [*([study] if study is not None else []), *(find_study_files() if every else [])]
     with Bar(console=err, transient=True, disable=not err.is_terminal) as bar:
-        compiling = bar.add_task("compiling kernels", total=0)
+        compiling, pulse = bar.add_task("compiling kernels", total=0), Pulse(bar, "kernels")
 
         def find_missing() -> "Iterator[Call]":
             n_missing = 0
@@ -53,7 +53,11 @@ def compile_kernels(
                     bar.update(compiling, total=n_missing)
                     yield call
 
-        made = build_all(find_missing(), lambda call: bar.advance(compiling))
+        def advance(call: "Call") -> None:
+            bar.advance(compiling)
+            pulse()
+
+        made = build_all(find_missing(), advance)
     failed = made.count(None)
     say(f"{len(calls)} kernels: {len(calls) - len(made)} were there, {len(made) - failed} compiled, {failed} failed")
     wrong = 0

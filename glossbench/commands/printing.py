@@ -29,14 +29,14 @@ MAX_ROWS = 40  # in a table, and in the list of reasons below it, so that both f
 class Pulse:
     """The progress of a bar without a terminal, as in a log: at most one line per `PULSE` on standard error."""
 
-    def __init__(self, bar: "Progress") -> None:
-        self.bar, self.last = bar, time.monotonic()
+    def __init__(self, bar: "Progress", what: str) -> None:
+        self.bar, self.what, self.last = bar, what, time.monotonic()
 
     def __call__(self) -> None:
         if err.is_terminal or time.monotonic() - self.last < PULSE:
             return
         self.last, task = time.monotonic(), self.bar.tasks[0]
-        done = f"{task.completed:.0f} of {task.total or 0:.0f} cells, {task.elapsed or 0:.0f} s"
+        done = f"{task.completed:.0f} of {task.total or 0:.0f} {self.what}, {task.elapsed or 0:.0f} s"
         err.print(escape_controls(f"{done}: {task.description}"), soft_wrap=True)
 
 

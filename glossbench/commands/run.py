@@ -93,7 +93,7 @@ def run(
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     try:
         with Bar(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-            task, pulse = bar.add_task("", total=None), Pulse(bar)
+            task, pulse = bar.add_task("", total=None), Pulse(bar, "cells")
 
             def show(**changes: Any) -> None:
                 bar.update(task, **changes)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from glossbench.commands import printing
 from glossbench.shading.kernels import artefacts, build
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -49,6 +50,15 @@ def test_it_compiles_the_kernels_that_the_cells_call_and_counts_what_failed(call
     first, *rest = called.out.splitlines()
     assert first == f"{len(cache)} kernels: 0 were there, 0 compiled, {len(cache)} failed"
     assert all(line.endswith(": not compiled") for line in rest)
+
+
+def test_a_log_gets_a_line_of_progress_now_and_then(call, cache, monkeypatch):
+    monkeypatch.setattr(printing, "PULSE", 0.0)
+    monkeypatch.setattr(build, "build", lambda call, processes: cache.append(call.kernel.name))
+
+    err = call("compile", "tiny.yaml").err
+
+    assert f"{len(cache)} of {len(cache)} kernels, " in err
 
 
 def test_clear_removes_what_is_compiled(call, cache):
