@@ -44,11 +44,12 @@ def replacing(path: Path, lasts: bool = True) -> Iterator[Path]:
         if lasts:
             with suppress(OSError):  # some systems cannot open a folder
                 _to_disk(path.parent)
-    except OSError as error:
-        raise WriteError(path, error.strerror or str(error)) from error
-    finally:
-        with suppress(OSError):  # an error of writing is already raised
+    except BaseException as error:
+        with suppress(OSError):
             part.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise WriteError(path, error.strerror or str(error)) from error
+        raise
 
 
 @contextmanager

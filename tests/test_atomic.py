@@ -177,7 +177,7 @@ def test_folders_and_links_of_such_a_name_stay(tmp_path, left_by, dead):
     link.unlink()
     link.symlink_to("nothing")
 
-    folder = left_by(dead, lambda name: name.replace("a", "b"))
+    folder = left_by(dead, lambda name: name.replace(".json", ".yaml"))
     folder.unlink()
     folder.mkdir()
     remove_abandoned(tmp_path)

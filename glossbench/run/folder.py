@@ -70,9 +70,9 @@ class Folder:
 
     def put(self, name: str, data: bytes, lasts: bool = True) -> None:
         path = self.path(name)
-        if path.parent != self.root:
+        if not path.parent.is_dir():
             with suppress(OSError):  # the write itself fails then
-                path.parent.mkdir(exist_ok=True)
+                path.parent.mkdir()
         with replacing(path, lasts) as part:
             part.write_bytes(data)
 
