@@ -29,9 +29,12 @@ def find_children() -> set[int]:
 
 
 def end_children(but: set[int]) -> None:
-    """End the processes that this one has started, except those in `but` and torch's compilers."""
+    """End the processes that this one has started, except those in `but`, torch's compilers and multiprocessing's
+    tracker, which ends with this process; without it the next process that starts others says that it died.
+    """
     for pid in find_children() - but:
         with suppress(OSError):
-            if b"_inductor" not in Path(f"/proc/{pid}/cmdline").read_bytes():
+            command = Path(f"/proc/{pid}/cmdline").read_bytes()
+            if b"_inductor" not in command and b"resource_tracker" not in command:
                 os.kill(pid, signal.SIGKILL)
                 os.waitpid(pid, 0)

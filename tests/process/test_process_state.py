@@ -174,6 +174,27 @@ def test_a_process_with_all_of_it_ends_with_its_code_and_its_streams():
     assert time.monotonic() - started < 90
 
 
+STARTED_TWICE = """
+import multiprocessing, os
+from glossbench.process.leftovers import find_children, end_children
+if __name__ == "__main__":
+    for _ in range(2):
+        running = find_children()
+        worker = multiprocessing.get_context("spawn").Process(target=os.getpid)
+        worker.start()
+        worker.join()
+        end_children(but=running)
+"""
+
+
+def test_a_process_may_start_others_after_its_children_were_ended(tmp_path):
+    (tmp_path / "twice.py").write_text(STARTED_TWICE)
+
+    done = subprocess.run([sys.executable, tmp_path / "twice.py"], capture_output=True, text=True, timeout=100)
+
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_bytes_written_through_numpy_change_the_digest():
     tensor = torch.zeros(4)
     value = {"a": (tensor, np.zeros(3)), "b": [None, "text"]}
