@@ -83,7 +83,7 @@ class SphericalGaussians(Method):
     equation = "L_o approx sum_k mu_k integral e^(lambda (omega_i dot p_k - 1)) f cos theta_i dif omega_i"
     # Measured: furnace 0.24 (asg 0.27), of rough lobes at grazing views; turns 0.22, because the spiral does not turn.
     # It is not linear, because amplitudes are not negative.
-    contract = Contract(furnace=0.4, linear=False, turns=0.3, budget=("lobes", (16, 64)))
+    contract = Contract(furnace=0.3, linear=False, turns=0.25, budget=("lobes", (16, 64)))
 
     irradiance, albedos = irradiance, albedos
 
