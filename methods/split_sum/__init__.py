@@ -96,8 +96,8 @@ class SplitSum(Method):
 
     Source: Karis 2013; sg, Wang et al. 2009; frostbite, Lagarde and Rousiers 2014. Presets: filament 13d3ade, hdrp
     0c658a0, three.js of 2025-12 and 2026-09, godot 105e81f, babylon 1267e09, gltf_ibl_sampler 08fa122, playcanvas
-    04847c6, eevee 3b3a573; unreal by an inventory of 2026-09. Differs: the table is that of the material's own lobe,
-    which has height-correlated shadowing if it is GGX.
+    04847c6, eevee 3b3a573; unreal by an inventory of 2026-09, and 5.8. Differs: the table is that of the material's own
+    lobe, which has height-correlated shadowing if it is GGX.
     """
 
     preset: Preset | None = None

@@ -46,7 +46,7 @@ class Settings:
     multiscatter: bool = False
 
 
-# Sources: see `SplitSum`. A comment marks what is from memory, not from a source.
+# Sources: see `SplitSum`. What its sources do not state was read in those that a comment names; see decision 033.
 PRESETS: dict[Preset, Settings] = {
     "karis": Settings(
         weight="cos", estimator="fis", samples=(1024,), lod_bias=LEVEL_0,
@@ -56,16 +56,16 @@ PRESETS: dict[Preset, Settings] = {
     "filament": Settings(
         weight="cos", estimator="fis", samples=(1024, 2048, 4096, 8192), lod_bias=1.0, levels=5, mapping="filament",
         direction="filament",
-        storage="r11g11b10",  # of cmgen's KTX files; from memory
+        storage="r11g11b10",  # of the KTX files of cmgen fddf51d
     ),
     "hdrp": Settings(
         weight="g2", estimator="fis", samples=(21, 34, 55, 89, 89, 89), lod_bias="alpha", levels=7, mapping="hdrp",
         direction="hdrp",
-        resolution=128, storage="half",  # defaults of a project; from memory
+        storage="half",  # 256 and half are those of a sky, 8caaf87; a probe has 128 and r11g11b10
     ),
     "unreal": Settings(
         weight="cos", estimator="fis", samples=(32, 64), tail=0.995, lod_bias=-0.5, levels=8, mapping="unreal",
-        resolution=128, direction="frostbite", storage="half",  # from memory
+        resolution=128, direction="frostbite", storage="half",  # of captures in 5.8; a sky in real time has r11g11b10
     ),
     "three_r187": Settings(
         weight="cos", estimator="hybrid", samples=(256,), lod_bias=0.5, sum_edge=16, levels=6, mapping="filament",
@@ -77,23 +77,24 @@ PRESETS: dict[Preset, Settings] = {
     ),
     "godot": Settings(
         weight="cos", estimator="fis", texel_area="octahedral", levels=8, mapping="godot", storage="half",
-        samples=(64,),  # from memory
+        samples=(32,),  # default of db04c23; later sources also have another texel area
     ),
     "babylon": Settings(
         weight="cos", estimator="fis", lod_bias=1.0, levels=9, mapping="babylon", storage="half",
-        samples=(1024,),  # its offline quality; from memory
+        samples=(4096,),  # its offline quality, the default of 18a3c25
     ),
     "gltf_ibl_sampler": Settings(
         weight="cos", estimator="fis", samples=(1024,), lod_bias=FOUR_PI, mapping="linear", storage="half",
-        levels=5,  # from memory
+        levels=8,  # floor(log2 of the resolution), 0138f41
     ),
     "playcanvas": Settings(
         weight="cos", estimator="fis", samples=(1024,), lod_bias=FOUR_PI, levels=6, mapping="playcanvas",
+        resolution=128,  # add8005
         storage="half",  # 8 bits of RGBP by default
     ),
     "bevy": Settings(
-        weight="cos_g", estimator="fis", texel_area="output",
-        levels=6, mapping="linear", samples=(64,), storage="half",  # from memory
+        weight="cos_g", estimator="fis", texel_area="output", levels=9, mapping="linear", direction="frostbite",
+        samples=(32, 64, 64, 128, 128, 256, 256, 512), storage="half",  # 32 * 2^floor(4 r), 07e73ef
     ),
     "eevee": Settings(
         lobe="sg", weight="one", estimator="cone", samples=(196,), source="eevee", levels=5, mapping="eevee",
