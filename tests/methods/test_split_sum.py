@@ -140,9 +140,9 @@ PROGRAMS = {
     "three_r185": (point_samples, 6, (sqrt(0.6**2 - 0.5**2) * 1.25 * 0.6) ** 2),
     "godot": (godot, 4, (4 / 7) ** 4),
     "babylon": (filament, 2, 2 ** (2 / 0.8) / EDGE),
-    "gltf_ibl_sampler": (gltf_ibl_sampler, 1, (1 / 4) ** 2),
+    "gltf_ibl_sampler": (gltf_ibl_sampler, 1, (1 / 7) ** 2),
     "playcanvas": (gltf_ibl_sampler, 2, (1 - log2(128) / 11) ** 2),
-    "bevy": (bevy, 1, (1 / 5) ** 2),
+    "bevy": (bevy, 1, (1 / 8) ** 2),
     "eevee": (eevee, 3, eevee_step(3 / 4, 2 / 4)),
 }
 FROM_THE_LEVEL_BEFORE = ("three_r185", "eevee")
