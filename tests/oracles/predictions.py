@@ -3,7 +3,7 @@
 Installed studies are cut to a few cells. All are run with small views of two sizes, from which rates are learned; then
 each is predicted with views of four times the pixels, and run. From views of one size alone it is not known what grows
 with the pixels. All times are of the processor, so that other work on the machine does not count. Kernels run eagerly:
-the time to compile them is not predicted. The first study is run once before, because the first run of a process is slow.
+the time to compile them is not predicted. The first study is run once before, as the first run of a process is slow.
 
 PYTHONPATH=tests python tests/oracles/predictions.py FOLDER [STUDY ...]
 """
