@@ -163,7 +163,7 @@ def _print_plan(study: "Study", where: str) -> None:
     told = [f"{count[status]} {status}" for status in ("done", "skipped", "failed", "new") if count[status]]
     say(f"{_count_in_words(len(cells), 'cell')} would go to {where}: {', '.join(told)}")
     if new := [cell for cell, status in zip(cells, statuses, strict=True) if status in ("new", "damaged")]:
-        say(_describe_prediction(predict(new, study.reference)))
+        say(_describe_prediction(predict(new, study.reference, study.measured)))
     if count["failed"]:
         say("failed cells stay as they are; --rerun-failed tries them again")
 

@@ -26,7 +26,7 @@ from glossbench.run.cell_keys import AbandonedCell, CellKeys, Identity
 from glossbench.run.folder import Folder
 from glossbench.run.manifest import make_entry
 from glossbench.run.measuring import measure
-from glossbench.run.rates import Spent, measure_cell, measure_reference, measure_stages
+from glossbench.run.rates import Spent, measure_cell, measure_metrics, measure_reference, measure_stages
 from glossbench.run.results import Results
 from glossbench.run.study_lights import ChangedInput, StudyLights
 from glossbench.shading.image import Image
@@ -70,7 +70,8 @@ class Executor:
             study, results, self.lights, lambda cell, key: self._guarded(cell, self._begin_record(cell, key))
         )
         self._reference_seconds = 0.0  # that the cell which runs now has spent on its reference
-        self._stage_seconds = 0.0  # and on its stages
+        self._stage_seconds = 0.0  # on its stages
+        self._metric_seconds = 0.0  # and on its metrics
         self._whole: dict[str, bool] = {}  # key of a reference -> whether it is on disk, undamaged
         self._truth: tuple[str, Reference] | None = None
         self._stages_light = ""
@@ -94,7 +95,8 @@ class Executor:
                 raise known.error
             if attempt.is_hopeless:
                 raise AbandonedCell(f"{attempt.told}; --rerun-failed tries again")
-            began, self._reference_seconds, self._stage_seconds = time.perf_counter(), 0.0, 0.0
+            began = time.perf_counter()
+            self._reference_seconds = self._stage_seconds = self._metric_seconds = 0.0
             attempt.begin()
             with self._guarded(cell, record) if self.keys.sources.has_foreign(cell) else nullcontext():
                 made = replace(CellParts.from_cell(cell), keys=known.keys)
@@ -108,9 +110,10 @@ class Executor:
         row = record.to_row()
         n_bytes = self.results.add_cell(row, image, half_vectors)
         if record.status == "done":
-            seconds = time.perf_counter() - began - self._reference_seconds - self._stage_seconds
-            self.progress.spent(measure_cell(cell, seconds, n_bytes))
+            apart = self._reference_seconds + self._stage_seconds + self._metric_seconds
+            self.progress.spent(measure_cell(cell, time.perf_counter() - began - apart, n_bytes))
             self.progress.spent(measure_stages(cell, self._stage_seconds))
+            self.progress.spent(measure_metrics(cell, self.study.measured, self._metric_seconds))
         return row
 
     def trust(self, reference_key: str) -> None:
@@ -153,7 +156,7 @@ class Executor:
             # What cells share, apart from the light and the stages; a plug-in may write into it unnoticed.
             shared = (truth, view.scene(), material.reflectance()) if self.keys.sources.has_foreign(cell) else ()
             before = compute_digest(*shared)
-            record, image, half_vectors = measure(
+            record, image, half_vectors, self._metric_seconds = measure(
                 record, method, cell.tune, self.study.measured, self._stages, light, material, view, truth
             )
             self._stage_seconds = self._stages.seconds - stage_seconds

@@ -1,5 +1,6 @@
 """Measure one cell: its tuned option, its image, the metrics and the costs."""
 
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -25,11 +26,12 @@ from glossbench.truth.reference import Reference
 
 
 class Measurement(NamedTuple):
-    """The record of a cell, its image, and the pattern (N, 2) of a method that has one."""
+    """The record of a cell, its image, the pattern (N, 2) of a method that has one, and the time of the metrics [s]."""
 
     record: CellRecord
     image: Image
     half_vectors: NDArray[np.float32] | None
+    metric_seconds: float
 
 
 def measure(
@@ -84,7 +86,9 @@ def measure(
     with guarded(type(method)):
         half_vectors = check_pattern(method.name, method.half_vectors(material))
     cache.check(method.name)
+    began = time.perf_counter()
     compared = {column: with_left_out(metric, image) for column, metric in metrics.items()}
+    metric_seconds = time.perf_counter() - began
     costs = image.costs
     record = replace(
         record, tuned=tuned, options=method.as_dict(),
@@ -97,4 +101,4 @@ def measure(
         shade_seconds=costs.shade.median, shade_seconds_low=costs.shade.low, shade_seconds_high=costs.shade.high,
         shade_runs=costs.shade.runs, busy=costs.shade.busy,
     )  # fmt: skip
-    return Measurement(record, image, half_vectors)
+    return Measurement(record, image, half_vectors, metric_seconds)

@@ -1,15 +1,16 @@
 """What a run will cost in time, memory and disk, from what earlier runs of this user measured.
 
-A time is a + b * pixels + c * work, with no negative coefficient: what each cell takes, its metrics, and its shading.
+A time is a + b * pixels + c * work, with no negative coefficient: what each cell takes, its image, and its shading.
 The work of a cell is its pixels times the budget of its method, that of a reference its pixels. Bytes on disk are
 a + b * pixels. The coefficients are those with the least relative squares over the last measurements. What these do not
 tell apart, a and b after views of one size, is shared equally. Stages count apart, by their mean over the cells of a
-method: some cells compute a stage that the others share, and few depend on the view. Memory is BYTES_A_PIXEL for each
+method: some cells compute a stage that the others share, and few depend on the view. So do metrics, by their names, as
+a + b * pixels: FLIP takes longer than many a method. Memory is BYTES_A_PIXEL for each
 pixel and the median of the rest, because runs differ in more than their pixels: a slope that is fitted to runs with
 views of 8^2 and 96^2 pixels predicts 87 GB for full HD.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -33,7 +34,9 @@ KEPT = 24  # measurements of one kind
 
 
 class Spent(NamedTuple):
-    """One measurement: of a cell or its stages by the name of its method, of a reference, or of the memory of a run."""
+    """One measurement, of one kind: a cell or its stages by the name of its method, its metrics by theirs, a reference,
+    or the memory of a run.
+    """
 
     kind: str
     work: float
@@ -50,13 +53,19 @@ def count_pixels(view: View) -> int:
 
 
 def measure_cell(cell: Cell, seconds: float, n_bytes: int) -> Spent:
-    """What a cell took, without its stages."""
+    """What a cell took, without its stages and metrics."""
     return Spent(f"method {cell.method.name}", _work(cell), count_pixels(cell.view), seconds, n_bytes)
 
 
 def measure_stages(cell: Cell, seconds: float) -> Spent:
     """What the stages took that were computed for a cell; 0 if others had computed them."""
     return Spent(f"stages {cell.method.name}", 0.0, 0, seconds, 0)
+
+
+def measure_metrics(cell: Cell, metrics: Iterable[str], seconds: float) -> Spent:
+    """What the metrics of a cell took, given by their columns."""
+    pixels = count_pixels(cell.view)
+    return Spent(_name_metrics(metrics), pixels, pixels, seconds, 0)
 
 
 def measure_reference(cell: Cell, options: ReferenceOptions, seconds: float, n_bytes: int) -> Spent:
@@ -101,8 +110,8 @@ class Prediction:
     n_unknown: int
 
 
-def predict(cells: Sequence[Cell], options: ReferenceOptions) -> Prediction:
-    """What these cells and their references will cost."""
+def predict(cells: Sequence[Cell], options: ReferenceOptions, metrics: Iterable[str]) -> Prediction:
+    """What these cells, their references and their metrics will cost; metrics are given by their columns."""
     known = _read()
     wanted = [(f"method {cell.method.name}", _work(cell), count_pixels(cell.view)) for cell in cells]
     references = {tuple(map(to_text, (cell.light, cell.material, cell.view))): cell for cell in cells}
@@ -119,6 +128,7 @@ def predict(cells: Sequence[Cell], options: ReferenceOptions) -> Prediction:
         seconds += _fit([(s, p, w) for w, p, s, _ in alike], pixels, work)
         disk += _fit([(n, p) for _, p, _, n in alike], pixels)
     seconds += sum(_average_stages(known, cell.method.name) for cell in cells)
+    seconds += _predict_metrics(known, cells, _name_metrics(metrics))
     return Prediction(seconds, disk, predict_memory(cells), n_unknown)
 
 
@@ -173,6 +183,14 @@ def _average_stages(known: Mapping[str, list[list[float]]], method: str) -> floa
     return sum(seconds for _, _, seconds, _ in alike) / max(1, len(alike))
 
 
+def _predict_metrics(known: Mapping[str, list[list[float]]], cells: Sequence[Cell], kind: str) -> float:
+    """The time of the metrics of all cells, from that of the same metrics, or of any if these were not measured [s]."""
+    every = [each for other, found in known.items() if other.startswith("metrics ") for each in found]
+    alike = [(s, p) for _, p, s, _ in known.get(kind) or every]
+    views = Counter(count_pixels(cell.view) for cell in cells)
+    return sum(n * _fit(alike, pixels) for pixels, n in views.items())
+
+
 def _work(cell: Cell) -> float:
     budget = getattr(cell.method, find_budget_option(type(cell.method)) or "no budget", 1)
     return float(count_pixels(cell.view) * (budget if isinstance(budget, int | float) and budget > 1 else 1))
@@ -180,6 +198,10 @@ def _work(cell: Cell) -> float:
 
 def _name_reference(cell: Cell, options: ReferenceOptions) -> str:
     return f"reference {cell.material.name} {options.method} {options.relative_error:g}"
+
+
+def _name_metrics(metrics: Iterable[str]) -> str:
+    return f"metrics {', '.join(sorted(metrics))}"
 
 
 def _fit(measured: Sequence[tuple[float, ...]], *at: float) -> float:

@@ -9,6 +9,7 @@ from glossbench.run.rates import (
     Spent,
     check_fits,
     measure_cell,
+    measure_metrics,
     measure_reference,
     measure_stages,
     predict,
@@ -59,7 +60,7 @@ def test_costs_that_are_linear_in_the_work_are_predicted_where_nothing_was_measu
     remember(measured([cell for cell in cells if cell.view.resolution < 64], study.reference))
     large = [cell for cell in cells if cell.view.resolution == 64]
 
-    cost = predict(large, study.reference)
+    cost = predict(large, study.reference, study.measured)
 
     assert cost.n_unknown == 0
     assert cost.seconds == pytest.approx(sum(seconds_of(4096, n) for n in (4, 16, 64)) + 2 + 4.096, rel=1e-6)
@@ -74,18 +75,35 @@ def test_stages_cost_their_mean_over_cells_at_any_size(study):
     remember([*of_cells, *(measure_stages(cells[0], seconds) for seconds in (8.0, 0.0, 0.0, 0.0))])
     large = [cell for cell in cells if cell.view.resolution == 64]
 
-    cost = predict(large, study.reference)
+    cost = predict(large, study.reference, study.measured)
 
     expected = sum(seconds_of(4096, n) for n in (4, 16, 64)) + 2 + 4.096
     assert cost.seconds == pytest.approx(expected + 2.0 * len(large), rel=1e-6)
     assert cost.n_unknown == 0
 
 
+def test_metrics_cost_apart_by_their_names_and_the_pixels(study):
+    """FLIP takes longer than many a method, so a study without it does not tell what one with it takes."""
+    cells = study.cells()
+    small = [cell for cell in cells if cell.view.resolution < 64]
+    remember(measured(small, study.reference))
+    for cell in small:
+        pixels = cell.view.resolution**2
+        remember([measure_metrics(cell, ["rms"], 1.0), measure_metrics(cell, ["rms", "flip"], 3 + 2e-3 * pixels)])
+    large = [cell for cell in cells if cell.view.resolution == 64]
+
+    rest = sum(seconds_of(4096, n) for n in (4, 16, 64)) + 2 + 4.096
+    told = {names: predict(large, study.reference, names).seconds - rest for names in (("rms",), ("flip", "rms"))}
+
+    assert told["rms",] == pytest.approx(len(large) * 1.0, rel=1e-4)
+    assert told["flip", "rms"] == pytest.approx(len(large) * (3 + 2e-3 * 4096), rel=1e-4)
+
+
 def test_a_method_without_a_measurement_is_counted_and_costs_what_others_do(study, tmp_path):
     remember(measured(study.cells(), study.reference))
     other = study_in(tmp_path, **STUDY | {"methods": "{importance_sampling: {samples: 4}}"})
 
-    cost = predict(other.cells()[:1], other.reference)
+    cost = predict(other.cells()[:1], other.reference, other.measured)
 
     assert cost.n_unknown == 1
     assert cost.seconds == pytest.approx(seconds_of(64, 4) + 2.064, rel=1e-6)
@@ -94,20 +112,20 @@ def test_a_method_without_a_measurement_is_counted_and_costs_what_others_do(stud
 def test_a_run_remembers_what_it_took_and_the_newest_measurements_stay(tmp_path, study):
     run_study(study_in(tmp_path), tmp_path / "r")
 
-    cost = predict(study_in(tmp_path).cells(), study_in(tmp_path).reference)
+    cost = predict(study_in(tmp_path).cells(), study_in(tmp_path).reference, study_in(tmp_path).measured)
 
     assert cost.n_unknown == 0
     assert cost.seconds > 0
     assert cost.memory > 1e8
     remember([Spent("memory", 1.0, 1, 0.0, i * 10**9) for i in range(100)])
-    assert predict(study_in(tmp_path).cells(), study.reference).memory == pytest.approx(99e9, rel=0.3)
+    assert predict(study_in(tmp_path).cells(), study.reference, study.measured).memory == pytest.approx(99e9, rel=0.3)
 
 
 def test_damaged_rates_are_no_rates(study, tmp_path):
     (tmp_path / "cache").mkdir()
     (tmp_path / "cache" / "rates.json").write_text('{"rates": 7')
 
-    assert predict(study.cells(), study.reference).seconds == 0
+    assert predict(study.cells(), study.reference, study.measured).seconds == 0
 
 
 def test_what_does_not_fit_is_refused_before_it_starts_with_the_numbers(tmp_path):
@@ -133,7 +151,7 @@ def test_the_machine_bounds_what_is_needed_at_least_and_a_wrong_prediction_refus
     ):
         run_study(study, tmp_path / "r", dask="local:40")
     assert not (tmp_path / "r").exists()
-    assert 2 * predict(study.cells(), study.reference).memory > 8 * 10**9
+    assert 2 * predict(study.cells(), study.reference, study.measured).memory > 8 * 10**9
     check_fits(study.cells(), 2, None, 8 * 10**9)
 
 
