@@ -43,6 +43,7 @@ def ran(call, results, written):
         lambda: Path("results/tiny/reports.json").write_text("{"),
         lambda: next(Path("results/tiny/cells").glob("*.json")).unlink(),
     ],
+    ids=["an edited report", "no report", "a damaged mark", "a cell that is gone"],
 )
 def test_a_run_writes_a_report_again_after(change, ran, written):
     change()
