@@ -14,12 +14,12 @@ from glossbench.contract.cases import turn_light
 from glossbench.directions import Vec3, dot, half_vector, normalize, points_2d, spherical, stack, vec3
 from glossbench.envmap.cubemap import CubeMap, face_coordinates, face_directions, texel_directions, texel_solid_angles
 from glossbench.envmap.importance import luminance_distribution
-from glossbench.envmap.paraboloid import build_paraboloid, repeat_edge
 from glossbench.envmap.projections.conversion import Written, from_cubemap, to_cubemap
 from glossbench.envmap.projections.layouts import LAYOUTS
-from glossbench.envmap.pyramid import MipFilter, build_pyramid, lookup
+from glossbench.envmap.pyramid import lookup
 from glossbench.errors import InputError
 from glossbench.options import make_schema
+from glossbench.prefilter.pyramids import MipFilter, build_paraboloid, build_pyramid, repeat_edge
 
 PROJECTIONS = get_args(Written)
 FILTERS = get_args(MipFilter)

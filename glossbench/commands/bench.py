@@ -19,11 +19,12 @@ from glossbench.commands.bench_kernels import method_calls, rates
 from glossbench.directions import Vec3, points_2d, stack, to_local, vec3
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Spots
-from glossbench.envmap.pyramid import FILTERS, Pyramid, build_pyramid, weighted_radiance
+from glossbench.envmap.pyramid import Pyramid, weighted_radiance
 from glossbench.prefilter.filtered_samples import filtered_samples
 from glossbench.prefilter.light_shadows import build_variance_shadow_maps
 from glossbench.prefilter.lighting_function import sample_lighting_function, texel_weights
 from glossbench.prefilter.median_cut import median_cut
+from glossbench.prefilter.pyramids import MipFilter, build_pyramid
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.shapes import cloth
 from glossbench.scene.sphere import Sphere
@@ -194,11 +195,21 @@ def _measure_seconds(work: Callable[[], Any], repeats: int) -> float:
 
 def _measure_pyramid(resolution: int) -> list[Line]:
     light = Spots(resolution=resolution).cubemap()
-    copy = _measure_seconds(light.faces.clone, 10)
-    lines = [Line(f"copy of a {resolution} cube", f"{1000 * copy:.1f} ms", "1")]
-    for mip_filter in FILTERS:
-        seconds = _measure_seconds(lambda: build_pyramid(light, mip_filter), 5)  # type: ignore[arg-type]  # noqa: B023
-        lines.append(Line(f"{mip_filter} pyramid of it", f"{1000 * seconds:.1f} ms", f"{seconds / copy:.1f}"))
+    there = torch.empty_like(light.faces)
+    copy = _measure_seconds(lambda: there.copy_(light.faces), 10)
+    clone = _measure_seconds(light.faces.clone, 10)
+    lines = [
+        Line(f"copy of a {resolution} cube into memory that is there", f"{1000 * copy:.1f} ms", "1"),
+        Line("copy of it into new memory", f"{1000 * clone:.1f} ms", f"{clone / copy:.1f}"),
+    ]
+    for mip_filter in get_args(MipFilter):
+        build = partial(build_pyramid, light, mip_filter)
+        for how, choose in (("eager", never), *([("compiled", always)] if has_compiler() else [])):
+            with choosing(choose):
+                seconds = _measure_seconds(build, 5)
+            lines.append(
+                Line(f"{mip_filter} pyramid of it: {how}", f"{1000 * seconds:.1f} ms", f"{seconds / copy:.1f}")
+            )
     return lines
 
 

@@ -13,10 +13,11 @@ import torch
 from glossbench.commands.bench import Line
 from glossbench.directions import points_2d
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.pyramid import Pyramid, build_pyramid, weighted_radiance
+from glossbench.envmap.pyramid import Pyramid, weighted_radiance
 from glossbench.errors import InputError
 from glossbench.memory import read_peak
 from glossbench.prefilter.filtered_samples import filtered_samples
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.run.executor import Progress
 from glossbench.run.runner import run_study
 from glossbench.scene.points import ShadingPoints

@@ -16,7 +16,8 @@ Texel centres lie at half-integers: column i of R columns has s = (2 i + 1) / R 
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import pi
+from functools import cache
+from math import isfinite, pi
 from typing import Self
 from uuid import uuid4
 
@@ -54,10 +55,11 @@ class CubeMap:
         r = shape[1] if len(shape) == 4 else 0
         if shape != (6, r, r, 3) or r < 2 or r & (r - 1):
             raise InputError(f"a cube map needs faces (6, R, R, 3) with R a power of two of at least 2, got {shape}")
-        if not torch.isfinite(self.faces).all():
+        lowest, highest = (bound.item() for bound in self.faces.aminmax())  # one pass; both are NaN if a texel is
+        if not isfinite(lowest) or not isfinite(highest):
             raise InputError("a cube map must be finite everywhere, got NaN or infinity")
-        if (self.faces < 0).any():
-            raise InputError(f"a cube map must not be negative, got a minimum of {self.faces.min().item():g}")
+        if lowest < 0:
+            raise InputError(f"a cube map must not be negative, got a minimum of {lowest:g}")
 
     @property
     def resolution(self) -> int:
@@ -184,6 +186,7 @@ def add_border(faces: Tensor, width: int = 1, out: Tensor | None = None) -> Tens
     return out
 
 
+@cache
 def _edge_texels(resolution: int, width: int) -> Tensor:
     """Flat texel index (6, 4, width, R) of the neighbours at depth k beyond the top, bottom, left and right edge."""
     along = (torch.arange(resolution) * 2 + 1) / resolution - 1

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.nn.functional import pad
 
 from glossbench.directions import Vec3
-from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.pyramid import FILTERS, MipFilter, MipTable, Taps, build_mip_levels, finest, lookup
+from glossbench.envmap.pyramid import MipTable, Taps
 
 SCALE = 1.2  # b of the paper
 
@@ -33,22 +31,6 @@ class Paraboloid(MipTable):
         return 2 * (torch.log2(self.sizes[0].float()) - torch.log2(2 * SCALE * (d.z.abs() + 1)))
 
 
-def build_paraboloid(light: CubeMap, mip_filter: MipFilter) -> Paraboloid:
-    """All levels of both images, at twice the resolution of a cube face: about as many texels per steradian.
-
-    A texel is the mean of the light at its 2x2 sub-texel centres.
-    """
-    n = 2 * light.resolution
-    directions = paraboloid_directions(2 * n)
-    cube = finest(light)
-    images = []
-    for image in range(2):
-        d = Vec3(*(c[image].reshape(-1).to(light.faces.device) for c in directions))
-        fine = lookup(cube, d).view(n, 2, n, 2, 3)
-        images.append(fine.mean(dim=(1, 3)))
-    return Paraboloid(*build_mip_levels(torch.stack(images), FILTERS[mip_filter], repeat_edge))
-
-
 def paraboloid_directions(resolution: int) -> Vec3:
     """Unit directions of the texel centres, components (2, R, R).
 
@@ -60,9 +42,3 @@ def paraboloid_directions(resolution: int) -> Vec3:
     z = (1 - p2) / (1 + p2)
     x, y = x * (1 + z), y * (1 + z)
     return Vec3(*(torch.stack(pair).float() for pair in ((x, x), (y, y), (-z, z))))
-
-
-def repeat_edge(images: Tensor, width: int, out: Tensor) -> Tensor:
-    """Write images (K, R, R, 3) with their outermost texels repeated `width` times into `out`."""
-    planes = images.permute(0, 3, 1, 2)
-    return out.copy_(pad(planes, (width, width, width, width), mode="replicate").permute(0, 2, 3, 1))

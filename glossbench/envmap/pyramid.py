@@ -4,9 +4,9 @@ All levels lie in one flat table of texels. Each face has a one-texel border fro
 rows of the table and eight weights, without a branch. Level l has R / 2^l texels along an edge.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 import torch
 from jaxtyping import Float, Int, Int32
@@ -18,19 +18,7 @@ from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap, add_border, face_coordinates
 from glossbench.shapes import Directions, Faces, PointDirections, Radiance, Texels, Values
 
-MipFilter = Literal["box", "gauss4", "gauss6"]
-
-# One row of each separable filter, before division by its sum: binomial coefficients (Luksch et al. 2014, section 3).
-FILTERS: dict[str, tuple[float, ...]] = {
-    "box": (1, 1),
-    "gauss4": (1, 3, 3, 1),
-    "gauss6": (1, 5, 10, 10, 5, 1),
-}
-
-
 Taps = tuple[tuple[Int[Tensor, "*#pairs"], ...], tuple[Values, ...]]  # rows of a table of texels, and their weights
-# Writes images (K, R, R, 3) with borders of a width into a tensor (K, R + 2 width, R + 2 width, 3).
-Border = Callable[[Tensor, int, Tensor], Tensor]
 
 
 class Environment(Protocol):
@@ -124,62 +112,6 @@ def join_levels(levels: Sequence[Tensor]) -> Pyramid:
     offsets = [sum(6 * (n + 2) ** 2 for n in sizes[:level]) for level in range(len(sizes))]
     starts, edges = torch.tensor([offsets, sizes], dtype=torch.int32, device=levels[0].device)
     return Pyramid(torch.cat([add_border(faces).reshape(-1, 3) for faces in levels]), starts, edges)
-
-
-def build_pyramid(light: CubeMap, mip_filter: MipFilter) -> Pyramid:
-    """All levels of a light; each is filtered from the level before, also across edges.
-
-    A coarse texel is the separable weighted mean of the 2x2, 4x4 or 6x6 fine texels around it. As in the paper and on
-    graphics hardware, texels are not weighted by solid angle.
-
-    Source: Luksch et al. 2014, section 3.
-    """
-    taps = FILTERS[mip_filter]
-    return Pyramid(*build_mip_levels(light.faces, taps, add_border))
-
-
-def build_mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) -> tuple[Tensor, Tensor, Tensor]:
-    """Table, offsets and sizes of images (K, R, R, 3); each level is half of the level before, down to one texel."""
-    n_images, resolution = images.shape[:2]
-    sizes = [resolution >> level for level in range(resolution.bit_length())]
-    counts = [n_images * (n + 2) ** 2 for n in sizes]
-    offsets = [sum(counts[:level]) for level in range(len(sizes))]
-    texels = images.new_empty(sum(counts), 3)
-    width = len(taps) // 2 - 1
-    margin = max(width, 1)  # the same border is used for the filter and the table
-    for offset, count, n in zip(offsets, counts, sizes, strict=True):
-        level = texels[offset : offset + count].view(n_images, n + 2, n + 2, 3)
-        padded = level if margin == 1 else images.new_empty(n_images, n + 2 * margin, n + 2 * margin, 3)
-        border(images, margin, padded)
-        if margin > 1:
-            level.copy_(padded[:, margin - 1 : 1 - margin, margin - 1 : 1 - margin])
-        if n > 1:
-            images = halve(padded if width else images, taps)
-    starts, edges = torch.tensor([offsets, sizes], dtype=torch.int32, device=texels.device)
-    return texels, starts, edges
-
-
-def halve(padded: Tensor, taps: tuple[float, ...]) -> Tensor:
-    """Halves images of R texels, padded by len(taps) / 2 - 1: the separable filter is centred on each 2x2 block."""
-    n_images, *edges, channels = padded.shape
-    height, width = ((n - len(taps)) // 2 + 1 for n in edges)
-    out = padded.new_empty(n_images, height, width, channels)
-    for image, half in zip(padded, out, strict=True):  # one by one, so that the rows are still in the cache
-        rows = _combine([image[k::2][:height] for k in range(len(taps))], taps)
-        columns = [rows[:, 0::2], rows[:, 1::2]]
-        if len(taps) > 2:  # each is read more than once
-            columns = [each.contiguous() for each in columns]
-        _combine([columns[k % 2][:, k // 2 :][:, :width] for k in range(len(taps))], taps, half)
-    return out
-
-
-def _combine(slices: list[Tensor], taps: tuple[float, ...], out: Tensor | None = None) -> Tensor:
-    """sum of taps[k] slices[k] / sum(taps) for a symmetric filter: two slices share each tap."""
-    half, total = len(taps) // 2, sum(taps)
-    out = torch.add(slices[half - 1], slices[half], out=out).mul_(taps[half] / total)
-    for k in range(half - 1):
-        out.add_(slices[k], alpha=taps[k] / total).add_(slices[-1 - k], alpha=taps[k] / total)
-    return out
 
 
 def weighted_radiance(environment: Environment, d: Directions, lod: Values | None, weight: Channels) -> Radiance:

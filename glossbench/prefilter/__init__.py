@@ -40,12 +40,9 @@ from glossbench.envmap.projections.conversion import from_cubemap
 from glossbench.envmap.projections.resampling import bilinear
 from glossbench.envmap.pyramid import (
     Environment,
-    MipFilter,
     Pyramid,
     Taps,
-    build_pyramid,
     finest,
-    halve,
     join_levels,
     lookup,
     weighted_radiance,
@@ -89,6 +86,7 @@ from glossbench.prefilter.ggx_chain import ggx_levels, level_of_alpha
 from glossbench.prefilter.light_shadows import NoShadows, Shadows, Visibility, no_shadows, shadows
 from glossbench.prefilter.lighting_function import LightingSamples, TexelWeight, anisotropy, sample_lighting_function
 from glossbench.prefilter.median_cut import Partition, make_whole, median_cut
+from glossbench.prefilter.pyramids import MipFilter, build_pyramid, halve
 from glossbench.prefilter.round_lobes import (
     ROUND_LOBES,
     RoundCosine,

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from glossbench.envmap.cubemap import CubeMap
-from glossbench.envmap.pyramid import Pyramid, build_pyramid, join_levels
+from glossbench.envmap.pyramid import Pyramid, join_levels
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.prefilter.round_lobes import RoundGGX
 from glossbench.prefilter.texel_sums import sum_over_tree
 from glossbench.shading.method import stage

@@ -8,8 +8,9 @@ from glossbench.brdf.material import Material
 from glossbench.channels import LUMINANCE
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.harmonics import irradiance_coefficients
-from glossbench.envmap.paraboloid import Paraboloid, build_paraboloid
-from glossbench.envmap.pyramid import Pyramid, build_pyramid
+from glossbench.envmap.paraboloid import Paraboloid
+from glossbench.envmap.pyramid import Pyramid
+from glossbench.prefilter.pyramids import build_paraboloid, build_pyramid
 from glossbench.prefilter.view_table import ViewTable, tabulate
 from glossbench.shading.method import stage
 from glossbench.shading.stage_cache import read_option

@@ -6,8 +6,9 @@ import torch
 
 import glossbench as gb
 from glossbench.directions import Vec3, points_2d
-from glossbench.envmap.pyramid import Pyramid, build_pyramid, lookup
+from glossbench.envmap.pyramid import Pyramid, lookup
 from glossbench.methods.filtered_importance_sampling import FilteredImportanceSampling
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.scene.points import ShadingPoints
 
 SAMPLES, PROBES = 12, 8

@@ -6,8 +6,9 @@ import torch
 
 import glossbench as gb
 from glossbench.directions import Vec3, stack, vec3
-from glossbench.envmap.paraboloid import SCALE, build_paraboloid, paraboloid_directions
+from glossbench.envmap.paraboloid import SCALE, paraboloid_directions
 from glossbench.envmap.pyramid import lookup
+from glossbench.prefilter.pyramids import build_paraboloid
 
 
 def random_directions(n, seed=0):

@@ -12,11 +12,11 @@ from glossbench.brdf.phong import Phong
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import CubeMap
 from glossbench.envmap.lights.synthetic import Constant, Gradient, Spots
-from glossbench.envmap.paraboloid import build_paraboloid
-from glossbench.envmap.pyramid import build_pyramid, lookup
+from glossbench.envmap.pyramid import lookup
 from glossbench.errors import InputError
 from glossbench.methods.filtered_importance_sampling import FilteredImportanceSampling
 from glossbench.methods.filtered_importance_sampling.stratum import EDGE, mean_pdf, stratum_ratio
+from glossbench.prefilter.pyramids import build_paraboloid, build_pyramid
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import Sphere
 from glossbench.shading.image import shade

@@ -8,8 +8,8 @@ import torch
 from glossbench.brdf.ggx import GGX
 from glossbench.directions import stack
 from glossbench.envmap.lights.synthetic import Spots
-from glossbench.envmap.pyramid import build_pyramid
 from glossbench.methods.fitted_taps import RINGS, SPREAD, filter_by_taps, fit_taps
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.prefilter.round_lobes import RoundGGX
 from glossbench.prefilter.texel_sums import sum_over_tree
 

@@ -10,13 +10,14 @@ from scipy.integrate import quad
 import glossbench as gb
 from glossbench.directions import Vec3, reflect, stack, vec3
 from glossbench.envmap.cubemap import CubeMap, add_border, texel_directions, texel_solid_angles
-from glossbench.envmap.pyramid import FILTERS, Pyramid, build_mip_levels, lookup, weighted_radiance
+from glossbench.envmap.pyramid import Pyramid, lookup, weighted_radiance
 from glossbench.errors import InputError
 from glossbench.prefilter.cosine_lobes import calibration as lobe_calibration
 from glossbench.prefilter.cosine_lobes.calibration import calibrate
 from glossbench.prefilter.cosine_lobes.lobe_sum import fit_lobe_sum, no_lobe_sum
 from glossbench.prefilter.cosine_lobes.pyramid import FIVE_TAPS, LOBE_FILTERS, build_partial_maps, cube_bytes
 from glossbench.prefilter.median_cut import make_whole, median_cut
+from glossbench.prefilter.pyramids import FILTERS, build_mip_levels
 from glossbench.scene.points import ShadingPoints
 from glossbench.shading.image import shade
 

@@ -10,9 +10,10 @@ from glossbench.brdf.ggx import GGX
 from glossbench.brdf.kurt import Kurt
 from glossbench.directions import Vec3
 from glossbench.envmap.lights.synthetic import Constant, Spots
-from glossbench.envmap.pyramid import build_pyramid, lookup
+from glossbench.envmap.pyramid import lookup
 from glossbench.errors import InputError
 from glossbench.methods.regular_sampling import RegularSampling, lobe_area, sample_pattern
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.scene.points import ShadingPoints, View
 from glossbench.scene.sphere import Sphere
 from glossbench.shading.image import shade

@@ -14,7 +14,7 @@ from glossbench.contract.cases import GivenPoints
 from glossbench.directions import Vec3, cross, points_2d, vec3
 from glossbench.envmap.cubemap import CubeMap, texel_directions
 from glossbench.envmap.lights.synthetic import Constant, Gradient, Spots
-from glossbench.envmap.pyramid import build_pyramid, lookup
+from glossbench.envmap.pyramid import lookup
 from glossbench.errors import InputError
 from glossbench.methods.split_sum import SplitSum
 from glossbench.methods.split_sum.chain import build_chain
@@ -23,6 +23,7 @@ from glossbench.methods.split_sum.final import build_table, fit_terms
 from glossbench.methods.split_sum.mappings import MAPPINGS, Layout
 from glossbench.methods.split_sum.settings import PRESETS, Settings
 from glossbench.methods.split_sum.storage import store
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.scene.points import ShadingPoints
 from glossbench.scene.sphere import Sphere
 from glossbench.scene.virtual_cube import tangent

@@ -9,8 +9,9 @@ import torch
 from glossbench.brdf.ggx import GGX
 from glossbench.directions import Vec3, stack
 from glossbench.envmap.cubemap import CubeMap, texel_directions
-from glossbench.envmap.pyramid import build_pyramid, lookup
+from glossbench.envmap.pyramid import lookup
 from glossbench.prefilter.ggx_chain import ggx_levels, level_of_alpha
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.prefilter.round_lobes import RoundGGX
 from glossbench.prefilter.texel_sums import sum_over_tree
 from glossbench.prefilter.view_table import tabulate

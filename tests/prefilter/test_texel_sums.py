@@ -10,7 +10,7 @@ from glossbench.brdf.ggx import GGX
 from glossbench.directions import Vec3, spherical, stack
 from glossbench.envmap.cubemap import texel_directions, texel_solid_angles
 from glossbench.envmap.lights.synthetic import Constant, Spots
-from glossbench.envmap.pyramid import build_pyramid
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.prefilter.round_lobes import ROUND_LOBES, RoundCosine, RoundGGX
 from glossbench.prefilter.texel_sums import sum_over_level, sum_over_tree
 

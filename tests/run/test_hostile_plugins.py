@@ -29,7 +29,6 @@ PLUGIN = """
 import contextlib, hashlib, sys, time
 import numpy as np
 import torch
-from glossbench.envmap.pyramid import build_pyramid
 from glossbench.shading.method import METHODS, Method, stage
 from glossbench.prefilter.stages import pyramid
 

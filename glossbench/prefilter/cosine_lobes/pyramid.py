@@ -11,11 +11,13 @@ from typing import Literal
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import max_pool2d
 
 from glossbench.directions import Vec3
 from glossbench.envmap.cubemap import add_border, face_coordinates
-from glossbench.envmap.pyramid import Taps, halve
+from glossbench.envmap.pyramid import Taps
 from glossbench.errors import InputError
+from glossbench.prefilter.pyramids import halve
 
 LobeFilter = Literal["none", "box", "gauss", "cosine", "sqrt_cosine"]
 Storage = Literal["cube", "cropped"]
@@ -190,7 +192,7 @@ def _build_levels(
             return
         if margin > width:
             padded, padded_lit = images, lit
-        images, lit = _halve(padded, padded_lit, taps), (halve(padded_lit, taps) > 0).float()
+        images, lit = _halve(padded, padded_lit, taps), _halve_mask(padded_lit, len(taps))
 
 
 def _halve(padded: Tensor, lit: Tensor, taps: tuple[float, ...]) -> Tensor:
@@ -205,6 +207,11 @@ def _halve(padded: Tensor, lit: Tensor, taps: tuple[float, ...]) -> Tensor:
         source = tuple(slice(2 * a, 2 * (b - 1) + len(taps)) for a, b in (rows, columns))
         out[face, slice(*rows), slice(*columns)] = halve(padded[face : face + 1, source[0], source[1]], taps)[0]
     return out
+
+
+def _halve_mask(padded: Tensor, n_taps: int) -> Tensor:
+    """The mask (6, n, n, 1) of texels that read a lit texel."""
+    return max_pool2d(padded.permute(0, 3, 1, 2), n_taps, 2).permute(0, 2, 3, 1)
 
 
 def _find_extents(lit: Tensor) -> list[tuple[tuple[int, int], ...] | None]:

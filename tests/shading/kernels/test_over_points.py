@@ -6,7 +6,8 @@ import torch
 from glossbench.brdf.kurt import Kurt
 from glossbench.directions import points_2d, spherical, to_local, to_world
 from glossbench.envmap.lights.synthetic import Spots
-from glossbench.envmap.pyramid import build_pyramid, weighted_radiance
+from glossbench.envmap.pyramid import weighted_radiance
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.scene.sphere import Sphere
 from glossbench.shading.kernels import over_points
 
