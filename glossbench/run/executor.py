@@ -4,7 +4,8 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,6 +31,7 @@ from glossbench.run.rates import Spent, measure_cell, measure_metrics, measure_r
 from glossbench.run.results import Results
 from glossbench.run.study_lights import ChangedInput, StudyLights
 from glossbench.shading.image import Image
+from glossbench.shading.method import Method
 from glossbench.shading.outputs import check_notes, check_reason, check_view, escape_surrogates
 from glossbench.shading.stage_cache import StageCache
 from glossbench.study.cells import Cell, to_text
@@ -75,7 +77,12 @@ class Executor:
         self._whole: dict[str, bool] = {}  # key of a reference -> whether it is on disk, undamaged
         self._truth: tuple[str, Reference] | None = None
         self._stages_light = ""
+        self._coming: deque[tuple[Cell, str, str]] | None = None
         self._forget()
+
+    def expect(self, cells: Iterable[Cell]) -> None:
+        """These cells will be run, in this order. Then large stages that none of them needs are dropped early."""
+        self._coming = deque((cell, to_text(cell.light), to_text(cell.method)) for cell in cells)
 
     def run(self, cell: Cell, known: Identity, rerun_failed: bool) -> dict[str, Any]:
         """The row of a cell: read from disk, or made and written.
@@ -86,6 +93,8 @@ class Executor:
         """
         self.lights.learn(cell.light, known.light_key)
         record = self._begin_record(cell, known.key, known.reference_key)
+        while self._coming and self._coming[0][0] is not cell:
+            self._coming.popleft()
         stored = self._read_stored(cell, record)
         if stored is not None and not (rerun_failed and stored["status"] == "failed"):
             return stored
@@ -148,7 +157,7 @@ class Executor:
                 check_view(view)
             light = self.lights.get(cell.light)
         if self._stages_light != to_text(cell.light):  # stages of another light are not needed any more
-            self._stages, self._stages_light = StageCache(self.progress.doing), to_text(cell.light)
+            self._stages, self._stages_light = self._new_stages(), to_text(cell.light)
         truth = self._provide_reference(cell, record, light, made)
         self.progress.doing(cell.method.name)
         stage_seconds = self._stages.seconds
@@ -274,9 +283,18 @@ class Executor:
             seed=self.study.seed,
         )  # fmt: skip
 
+    def _new_stages(self) -> StageCache:
+        return StageCache(self.progress.doing, later=self._list_methods)
+
+    def _list_methods(self) -> list[Method] | None:
+        """The different methods of the cells of this light that are not done yet; None if these are not known."""
+        if self._coming is None:
+            return None
+        return list({name: each.method for each, light, name in self._coming if light == self._stages_light}.values())
+
     def _forget(self) -> None:
         """Drop everything that cells share, because a plug-in may have damaged it."""
-        self._stages, self._stages_light = StageCache(self.progress.doing), ""
+        self._stages, self._stages_light = self._new_stages(), ""
         self._truth = None
         self.lights.forget()
         for module in [

@@ -120,7 +120,9 @@ def run_study(
                 rows = run_on_dask(dask, groups, settings, Plugins.of(study), results.store, progress)
                 tasks = [task for task in tasks if task.known.error is not None]
             with choosing(choices.choose):
-                for task in sorted(tasks, key=lambda task: task.known.ended):  # cells that ended the process come last
+                tasks.sort(key=lambda task: task.known.ended)  # cells that ended the process come last
+                executor.expect(task.cell for task in tasks)
+                for task in tasks:
                     rows[task.place] = executor.run(task.cell, task.known, rerun_failed)
                     progress.cell(rows[task.place])
         finally:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,8 +11,12 @@ from glossbench.digests import compute_digest
 from glossbench.errors import MethodError
 from glossbench.options import Options
 from glossbench.shading.costs import count_bytes, find_tensors, time_work
+from glossbench.shading.method import Method, find_stages
 
 LIMIT = 2 << 30  # bytes that all values may take; those in use are never dropped
+Keys = tuple[Hashable, ...]  # of the inputs of a stage
+Origin = list[tuple[Callable[..., Any], "StageOptions"]]  # a stage and those of its inputs, with what they read
+MUCH = 1 << 28  # bytes from which on values that nobody needs any more are dropped before another one is computed
 
 
 @dataclass(eq=False)
@@ -45,15 +49,22 @@ class StageCache:
         tell: called with the names of the method and the stage when a stage begins.
         limit: bytes that all values may take. Above it, the values that were not used for the longest time are dropped,
             but never those of the current turn.
+        later: gives the methods of this turn and of all later ones; None if they are not known.
 
     Attributes:
         seconds: that stages have taken so far, with all their timed runs.
     """
 
-    def __init__(self, tell: Callable[[str], None] = lambda text: None, limit: int = LIMIT) -> None:
-        self._entries: dict[Hashable, list[tuple[StageOptions, PreparedStage]]] = {}
+    def __init__(
+        self,
+        tell: Callable[[str], None] = lambda text: None,
+        limit: int = LIMIT,
+        later: Callable[[], Sequence[Method] | None] = lambda: None,
+    ) -> None:
+        self._entries: dict[tuple[Callable[..., Any], Keys], list[tuple[StageOptions, PreparedStage]]] = {}
         self._tell = tell
         self._limit = limit
+        self._later = later
         self._turn = 0
         self.seconds = 0.0
         self._trusted: dict[int, PreparedStage] = {}  # by id, values whose bytes were compared since the last check
@@ -87,6 +98,7 @@ class StageCache:
             return found[1]
         read = StageOptions()
         self._tell(f"{method.name}: {stage.__name__}")
+        self._make_room()
         began = time.perf_counter()
         with forbid_writes(f"{method.name}.{stage.__name__}", inputs):
             value, timing = time_work(lambda: stage(Recorder(method, read), **inputs), device, patience)
@@ -121,9 +133,41 @@ class StageCache:
             self._trusted[id(prepared)] = prepared
         return True
 
+    def _count_bytes(self) -> int:
+        return sum(prepared.n_bytes for entries in self._entries.values() for _, prepared in entries)
+
+    def _make_room(self) -> None:
+        """If all values take much memory, drop those that will not be requested again."""
+        methods = self._later() if self._count_bytes() > MUCH else None
+        if methods is None:
+            return
+        functions = {cls: {each.function for each in find_stages(cls).values()} for cls in {type(m) for m in methods}}
+
+        def takes(method: Method, origin: Origin) -> bool:
+            return all(stage in functions[type(method)] and read.agrees(method) for stage, read in origin)
+
+        origins = self._find_origins()
+        for entries in self._entries.values():
+            for read, prepared in list(entries):
+                if prepared.used < self._turn and not any(takes(method, origins[prepared.key]) for method in methods):
+                    entries.remove((read, prepared))
+                    self._trusted.pop(id(prepared), None)
+
+    def _find_origins(self) -> dict[Hashable, "Origin"]:
+        """The origin of each value, by its key."""
+        known = {p.key: (stage, read, keys) for (stage, keys), each in self._entries.items() for read, p in each}
+
+        def trace(key: Hashable) -> Origin:
+            if key not in known:  # an input of the method, such as the light
+                return []
+            stage, read, keys = known[key]
+            return [(stage, read), *(step for each in keys for step in trace(each))]
+
+        return {key: trace(key) for key in known}
+
     def _drop(self) -> None:
         """Drop the values that were not used for the longest time, until the rest is within the limit."""
-        total = sum(prepared.n_bytes for entries in self._entries.values() for _, prepared in entries)
+        total = self._count_bytes()
         while total > self._limit:
             idle = [(p.used, known, i) for known, entries in self._entries.items()
                     for i, (_, p) in enumerate(entries) if p.used < self._turn]  # fmt: skip

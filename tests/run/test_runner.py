@@ -24,6 +24,7 @@ from glossbench.run.executor import Executor
 from glossbench.run.results import Results
 from glossbench.run.runner import Progress, run_study
 from glossbench.run.tuning import tune_option
+from glossbench.shading.stage_cache import MUCH
 from glossbench.study.cells import Tuning
 from glossbench.study.document import read_document
 from glossbench.study.study import Study, load_study
@@ -342,7 +343,10 @@ def test_an_image_nearer_than_twice_the_noise_is_at_the_noise_floor(study_of, tm
 # What is shared and remembered
 
 
-def test_one_stage_serves_all_methods_and_budgets(study_of, tmp_path, several_runs):
+@pytest.mark.parametrize("much", [MUCH, 0])
+def test_one_stage_serves_all_methods_and_budgets(study_of, tmp_path, several_runs, monkeypatch, much):
+    """Also if memory is freed of all stages that no later cell takes."""
+    monkeypatch.setattr("glossbench.shading.stage_cache.MUCH", much)
     run_study(study_of(methods="[{flat: {samples: 1}}]"), tmp_path / "one")
     for_one = CALLS["mean_light"]
     CALLS.clear()

@@ -79,6 +79,30 @@ def test_the_least_recently_used_value_is_dropped_first():
     assert prepare(Chained(x=1.0), INPUTS, cache)["first"] is not second
 
 
+@pytest.mark.parametrize(("later", "is_kept"), [([1.0, 0.0], True), ([1.0], False)])
+def test_much_memory_is_freed_of_what_no_later_method_takes(monkeypatch, later, is_kept):
+    """`third` reads no option itself: that no later method takes it is known from the stage it is made of."""
+    monkeypatch.setattr("glossbench.shading.stage_cache.MUCH", 0)
+    methods = [Chained(x=0.0), *(Chained(x=x) for x in later)]
+    cache = StageCache(later=lambda: methods)
+    before = prepare(methods.pop(0), INPUTS, cache)
+
+    prepare(methods[0], INPUTS, cache)
+
+    after = prepare(Chained(x=0.0), INPUTS, cache)
+    assert [after[name] is before[name] for name in before] == [is_kept] * 3
+    assert float(after["third"].value[0]) == 2.0
+
+
+def test_little_memory_and_what_is_needed_at_an_unknown_time_stay():
+    cache, unknown = StageCache(later=lambda: [Chained(x=1.0)]), StageCache()
+
+    for each in (cache, unknown):
+        before = prepare(Chained(x=0.0), INPUTS, each)
+        prepare(Chained(x=1.0), INPUTS, each)
+        assert prepare(Chained(x=0.0), INPUTS, each)["third"] is before["third"]
+
+
 def test_the_cache_drops_nothing_that_a_running_method_uses():
     cache = StageCache(limit=0)
 
