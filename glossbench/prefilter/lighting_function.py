@@ -65,7 +65,8 @@ def anisotropy(material: Material) -> str | None:
     reflectance = material.reflectance()
     theta_o, theta_i, phi = (torch.tensor(v)[:, None] for v in zip(*_PAIRS, strict=True))
     turns = torch.tensor([0.0, 0.4, 1.1, pi / 2, 2.3, 4.0])
-    f = reflectance.f(spherical(theta_o, turns), spherical(theta_i, turns + phi))
+    wo, wi = (Vec3(*torch.broadcast_tensors(*d)) for d in (spherical(theta_o, turns), spherical(theta_i, turns + phi)))
+    f = reflectance.f(wo, wi)
     for values in f:
         largest = values.max(1).values
         if bool(((largest - values.min(1).values) > 1e-2 * largest).any()):
