@@ -21,8 +21,10 @@ from math import isfinite, pi
 from typing import Self
 from uuid import uuid4
 
+import numpy as np
 import torch
 from jaxtyping import Float, Float64, Int
+from numpy.typing import NDArray
 from torch import Tensor
 
 from glossbench.directions import Vec3, normalize, stack
@@ -171,7 +173,7 @@ def add_border(faces: Tensor, width: int = 1, out: Tensor | None = None) -> Tens
     out = faces.new_empty(6, r + 2 * width, r + 2 * width, faces.shape[3]) if out is None else out
     inner = slice(width, r + width)
     out[:, inner, inner] = faces
-    index = _edge_texels(r, width).to(faces.device)
+    index = torch.from_numpy(_edge_texels(r, width)).to(faces.device)
     edges = faces.reshape(6 * r * r, -1)[index.reshape(-1)].reshape(6, 4, width, r, -1)
     out[:, :width, inner] = edges[:, 0].flip(1)
     out[:, r + width :, inner] = edges[:, 1]
@@ -187,11 +189,11 @@ def add_border(faces: Tensor, width: int = 1, out: Tensor | None = None) -> Tens
 
 
 @cache
-def _edge_texels(resolution: int, width: int) -> Tensor:
+def _edge_texels(resolution: int, width: int) -> NDArray[np.int64]:
     """Flat texel index (6, 4, width, R) of the neighbours at depth k beyond the top, bottom, left and right edge."""
-    along = (torch.arange(resolution) * 2 + 1) / resolution - 1
+    along = (torch.arange(resolution, dtype=torch.float64) * 2 + 1) / resolution - 1
     # A point e beyond the edge of a face folds down onto the adjoining face, at depth e below that edge.
-    depth = (torch.arange(width) * 2 + 1)[:, None] / resolution
+    depth = (torch.arange(width, dtype=torch.float64) * 2 + 1)[:, None] / resolution
     along, depth = along.expand(width, resolution), depth.expand(width, resolution)
     one = torch.ones_like(along)
     shape = (6, 1, 1, 1)
@@ -203,4 +205,5 @@ def _edge_texels(resolution: int, width: int) -> Tensor:
     face, fs, ft, _ = face_coordinates(Vec3(*(c.double() for c in point)))
     column = ((fs + 1) * resolution / 2).floor().clamp(0, resolution - 1).long()
     row = ((ft + 1) * resolution / 2).floor().clamp(0, resolution - 1).long()
-    return (face * resolution + row) * resolution + column
+    index: NDArray[np.int64] = ((face * resolution + row) * resolution + column).numpy()
+    return index

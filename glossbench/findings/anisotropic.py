@@ -17,7 +17,7 @@ def is_anisotropic(condition: Condition) -> bool:
     opened.
 
     Raises:
-        InputError: the material is not installed here, or its file is missing.
+        InputError: the material is not installed here, or another file of it is missing.
     """
     return _is_anisotropic(condition.keys[CONDITIONS.index("material")])
 

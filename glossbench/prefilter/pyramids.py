@@ -22,8 +22,8 @@ FILTERS: dict[str, tuple[float, ...]] = {
     "gauss4": (1, 3, 3, 1),
     "gauss6": (1, 5, 10, 10, 5, 1),
 }
-# Taps of values that take as long as one of the pairs by which kernels are compared. Measured eagerly on a 1024 cube:
-# box 160, gauss4 190, gauss6 250.
+# So many taps of values take as long as one point-sample pair, the unit of work in `ready`. Measured eagerly on a 1024
+# cube: box 160, gauss4 190, gauss6 250.
 TAPS_PER_PAIR = 200
 
 # Writes images (K, R, R, 3) with borders of a width into a tensor (K, R + 2 width, R + 2 width, 3).
@@ -69,6 +69,7 @@ def build_mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) ->
     sizes = [resolution >> level for level in range(resolution.bit_length())]
     counts = [n_images * (n + 2) ** 2 for n in sizes]
     offsets = [sum(counts[:level]) for level in range(len(sizes))]
+    images = images.detach()  # no step that follows has a gradient
     texels = images.new_empty(sum(counts), 3)
     width = len(taps) // 2 - 1
     margin = max(width, 1)  # the same border is used for the filter and the table
@@ -85,7 +86,7 @@ def build_mip_levels(images: Tensor, taps: tuple[float, ...], border: Border) ->
 
 
 def halve(padded: Tensor, taps: tuple[float, ...]) -> Tensor:
-    """Images (K, H, W, C), padded by len(taps) / 2 - 1, at half of their size: the filter is centred on 2x2 blocks."""
+    """Halve images (K, H, W, C) with a border of len(taps) / 2 - 1 texels: the filter is centred on each 2x2 block."""
     run = ready(_halve_image, [padded[0], taps], padded.numel() * len(taps) // (4 * TAPS_PER_PAIR))
     with torch.no_grad():
         return torch.stack([run(image, taps) for image in padded])  # one by one: their rows stay in the cache

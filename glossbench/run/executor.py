@@ -4,7 +4,6 @@ import sys
 import threading
 import time
 import traceback
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -77,12 +76,12 @@ class Executor:
         self._whole: dict[str, bool] = {}  # key of a reference -> whether it is on disk, undamaged
         self._truth: tuple[str, Reference] | None = None
         self._stages_light = ""
-        self._coming: deque[tuple[Cell, str, str]] | None = None
+        self._coming: dict[int, tuple[Cell, str]] | None = None  # by id: cells to compute, the keys of their lights
         self._forget()
 
     def expect(self, cells: Iterable[Cell]) -> None:
-        """These cells will be run, in this order. Then large stages that none of them needs are dropped early."""
-        self._coming = deque((cell, to_text(cell.light), to_text(cell.method)) for cell in cells)
+        """These cells will be computed. Large stages that none of them needs are then dropped early."""
+        self._coming = {id(cell): (cell, to_text(cell.light)) for cell in cells}
 
     def run(self, cell: Cell, known: Identity, rerun_failed: bool) -> dict[str, Any]:
         """The row of a cell: read from disk, or made and written.
@@ -93,8 +92,6 @@ class Executor:
         """
         self.lights.learn(cell.light, known.light_key)
         record = self._begin_record(cell, known.key, known.reference_key)
-        while self._coming and self._coming[0][0] is not cell:
-            self._coming.popleft()
         stored = self._read_stored(cell, record)
         if stored is not None and not (rerun_failed and stored["status"] == "failed"):
             return stored
@@ -115,6 +112,8 @@ class Executor:
             return self._write_failure(record, error)
         finally:
             attempt.end()
+            if self._coming is not None:
+                self._coming.pop(id(cell), None)
         self.results.remove_cell(known.spelled)
         row = record.to_row()
         n_bytes = self.results.add_cell(row, image, half_vectors)
@@ -287,10 +286,17 @@ class Executor:
         return StageCache(self.progress.doing, later=self._list_methods)
 
     def _list_methods(self) -> list[Method] | None:
-        """The different methods of the cells of this light that are not done yet; None if these are not known."""
+        """The different methods of the cells of this light that are not done yet.
+
+        None if these are not known, or if it is not known what they read: the options of a method that is tuned, or
+        those of a plug-in, whose code may fail.
+        """
         if self._coming is None:
             return None
-        return list({name: each.method for each, light, name in self._coming if light == self._stages_light}.values())
+        cells = [cell for cell, light in self._coming.values() if light == self._stages_light]
+        if any(cell.tune or is_foreign(type(cell.method)) for cell in cells):
+            return None
+        return list({to_text(cell.method): cell.method for cell in cells}.values())
 
     def _forget(self) -> None:
         """Drop everything that cells share, because a plug-in may have damaged it."""

@@ -121,8 +121,14 @@ def calls_of(cells: Iterable[Cell], options: ReferenceOptions, patience: float =
     found: dict[str, Call] = {}
     for call in CallFinder(patience).find(cells, options):
         known = found.get(call.key)
-        found[call.key] = call._replace(pairs=call.pairs + (known.pairs if known else 0))
+        pairs = call.pairs + (known.pairs if known else 0)
+        # The largest is compiled: the small dimensions of one of a few texels would be fixed.
+        found[call.key] = max(known or call, call, key=_count_numbers)._replace(pairs=pairs)
     return list(found.values())
+
+
+def _count_numbers(call: Call) -> int:
+    return sum(tensor.numel() for tensor in call.tensors)
 
 
 def bound_pairs(cells: Iterable[Cell], options: ReferenceOptions) -> float:

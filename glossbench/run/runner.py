@@ -121,7 +121,7 @@ def run_study(
                 tasks = [task for task in tasks if task.known.error is not None]
             with choosing(choices.choose):
                 tasks.sort(key=lambda task: task.known.ended)  # cells that ended the process come last
-                executor.expect(task.cell for task in tasks)
+                executor.expect(task.cell for task in tasks if task.place not in kept)
                 for task in tasks:
                     rows[task.place] = executor.run(task.cell, task.known, rerun_failed)
                     progress.cell(rows[task.place])

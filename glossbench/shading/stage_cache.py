@@ -16,7 +16,7 @@ from glossbench.shading.method import Method, find_stages
 LIMIT = 2 << 30  # bytes that all values may take; those in use are never dropped
 Keys = tuple[Hashable, ...]  # of the inputs of a stage
 Origin = list[tuple[Callable[..., Any], "StageOptions"]]  # a stage and those of its inputs, with what they read
-MUCH = 1 << 28  # bytes from which on values that nobody needs any more are dropped before another one is computed
+MUCH = 1 << 28  # above so many bytes, values that no later method takes are dropped before another one is computed
 
 
 @dataclass(eq=False)
@@ -98,6 +98,8 @@ class StageCache:
             return found[1]
         read = StageOptions()
         self._tell(f"{method.name}: {stage.__name__}")
+        if found is not None:
+            found[1].used = self._turn
         self._make_room()
         began = time.perf_counter()
         with forbid_writes(f"{method.name}.{stage.__name__}", inputs):
@@ -137,7 +139,10 @@ class StageCache:
         return sum(prepared.n_bytes for entries in self._entries.values() for _, prepared in entries)
 
     def _make_room(self) -> None:
-        """If all values take much memory, drop those that will not be requested again."""
+        """If all values take much memory, drop those that no later method takes.
+
+        Materials and views are not compared, so a value may be kept that is not needed.
+        """
         methods = self._later() if self._count_bytes() > MUCH else None
         if methods is None:
             return

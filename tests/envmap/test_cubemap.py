@@ -206,6 +206,22 @@ def test_a_border_holds_the_neighbours_texels_on_all_edges(resolution, width):
     assert torch.equal(padded[:, width:-width, width:-width], directions)
 
 
+def test_the_state_of_torch_at_the_first_call_does_not_stay_in_later_ones():
+    faces = torch.rand(6, 300, 300, 3)  # a resolution of which no other test asks
+    torch.set_default_dtype(torch.bfloat16)
+    try:
+        with torch.inference_mode():
+            first = add_border(faces)
+    finally:
+        torch.set_default_dtype(torch.float32)
+
+    later = add_border(faces.requires_grad_())
+
+    later.sum().backward()
+    assert torch.equal(later, first)
+    assert largest_gap(add_border(stack(texel_directions(300))), 1) < 2e-7  # measured 0
+
+
 @pytest.mark.parametrize("resolution", [16, 64])
 def test_directions_vary_continuously_across_every_edge(resolution):
     padded = add_border(stack(texel_directions(resolution)))

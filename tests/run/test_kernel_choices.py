@@ -72,6 +72,16 @@ def test_a_reference_that_may_be_a_sum_calls_the_kernels_of_sums(tmp_path):
     assert names == {"environment_sampling", "importance_sampling", "sum_by_moments"}  # the lobe is wider than a texel
 
 
+def test_of_the_calls_of_a_kernel_the_largest_is_compiled(tmp_path):
+    """The levels of a pyramid are one kernel; a program for the last ones would have a fixed size."""
+    (tmp_path / "s.yaml").write_text(STUDY.replace("importance_sampling:", "filtered_importance_sampling:"))
+    study = load_study(str(tmp_path / "s.yaml"))
+
+    [halve] = [each for each in calls_of(study.cells(), study.reference) if each.kernel.name == "halve"]
+
+    assert halve.tensors[0].shape == (32, 32, 3)
+
+
 def test_the_work_of_a_kernel_is_that_of_all_cells(study):
     work = {each.kernel.name: each.pairs for each in calls_of(study.cells(), study.reference)}
 

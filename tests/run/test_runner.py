@@ -1,5 +1,6 @@
 """Runs: what is computed, what is remembered, and that a killed run ends as if it had not been killed."""
 
+import gc
 import itertools
 import json
 import os
@@ -8,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -18,7 +20,9 @@ import pytest
 import torch
 
 from glossbench.envmap.formats.files import read_file, write_exr
+from glossbench.envmap.pyramid import Pyramid
 from glossbench.errors import InputError
+from glossbench.prefilter.pyramids import build_pyramid
 from glossbench.run.cell_keys import Identity
 from glossbench.run.executor import Executor
 from glossbench.run.results import Results
@@ -343,10 +347,7 @@ def test_an_image_nearer_than_twice_the_noise_is_at_the_noise_floor(study_of, tm
 # What is shared and remembered
 
 
-@pytest.mark.parametrize("much", [MUCH, 0])
-def test_one_stage_serves_all_methods_and_budgets(study_of, tmp_path, several_runs, monkeypatch, much):
-    """Also if memory is freed of all stages that no later cell takes."""
-    monkeypatch.setattr("glossbench.shading.stage_cache.MUCH", much)
+def test_one_stage_serves_all_methods_and_budgets(study_of, tmp_path, several_runs):
     run_study(study_of(methods="[{flat: {samples: 1}}]"), tmp_path / "one")
     for_one = CALLS["mean_light"]
     CALLS.clear()
@@ -359,6 +360,50 @@ def test_one_stage_serves_all_methods_and_budgets(study_of, tmp_path, several_ru
     assert for_one >= 3
     assert cells["shade_runs"].min() >= 3
     assert cells["stage_seconds"].nunique() == 1
+
+
+@pytest.fixture
+def pyramids(monkeypatch):
+    """For each pyramid that is built: its filter, and how many of the earlier ones still take memory."""
+    built: list[weakref.ref[Pyramid]] = []
+    alive: list[tuple[str, int]] = []
+
+    def build(light, mip_filter):
+        gc.collect()
+        alive.append((mip_filter, sum(each() is not None for each in built)))
+        made = build_pyramid(light, mip_filter)
+        built.append(weakref.ref(made))
+        return made
+
+    monkeypatch.setattr("glossbench.prefilter.stages.build_pyramid", build)
+    return alive
+
+
+@pytest.mark.parametrize(("much", "n_kept"), [(MUCH, 1), (0, 0)])
+def test_much_memory_is_free_of_what_no_later_cell_takes(study_of, tmp_path, pyramids, monkeypatch, much, n_kept):
+    monkeypatch.setattr("glossbench.shading.stage_cache.MUCH", much)
+
+    methods = "{filtered_importance_sampling: {samples: 2, mip_filter: [box, gauss4]}}"
+    # With so few samples no cell is run before to find its kernels.
+    run_study(study_of(methods=methods, reference="{relative_error: 0.05, max_samples: 4096}"), tmp_path)
+
+    assert dict(reversed(pyramids)) == {"box": 0, "gauss4": n_kept}  # when the first of each was built
+
+
+@pytest.mark.parametrize("options", ["mip_filter: [box, gauss4]", "clamp: {tune: rms, range: [1, 8]}"])
+def test_no_stage_is_computed_again_because_memory_was_freed(study_of, tmp_path, pyramids, monkeypatch, options):
+    changes = {
+        "methods": f"{{filtered_importance_sampling: {{samples: 2, {options}}}}}",
+        "material": "[{ggx: {alpha: 0.4}}, {ggx: {alpha: 0.5}}]",
+        "reference": "{relative_error: 0.05, max_samples: 4096}",
+    }
+    run_study(study_of(**changes), tmp_path / "all")
+    n_built = len(pyramids)
+
+    monkeypatch.setattr("glossbench.shading.stage_cache.MUCH", 0)
+    run_study(study_of(**changes), tmp_path / "freed")
+
+    assert len(pyramids) == 2 * n_built
 
 
 def test_a_stage_that_reads_the_budget_is_not_shared(study_of, tmp_path):

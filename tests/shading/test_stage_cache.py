@@ -7,7 +7,7 @@ from glossbench.envmap.lights.synthetic import Constant
 from glossbench.errors import MethodError
 from glossbench.shading.image import prepare
 from glossbench.shading.method import Method, stage
-from glossbench.shading.stage_cache import StageCache, read_option
+from glossbench.shading.stage_cache import MUCH, StageCache, read_option
 
 LIGHT = Constant(radiance=(1.0, 1.0, 1.0), resolution=2).cubemap()
 INPUTS = {"light": LIGHT, "material": "m", "scene": "s", "view": "v"}
@@ -94,13 +94,29 @@ def test_much_memory_is_freed_of_what_no_later_method_takes(monkeypatch, later, 
     assert float(after["third"].value[0]) == 2.0
 
 
-def test_little_memory_and_what_is_needed_at_an_unknown_time_stay():
-    cache, unknown = StageCache(later=lambda: [Chained(x=1.0)]), StageCache()
+@pytest.mark.parametrize(("much", "later"), [(MUCH, [Chained(x=1.0)]), (0, None)])
+def test_nothing_is_dropped_from_little_memory_or_if_the_later_methods_are_not_known(monkeypatch, much, later):
+    monkeypatch.setattr("glossbench.shading.stage_cache.MUCH", much)
+    cache = StageCache(later=lambda: later)
+    before = prepare(Chained(x=0.0), INPUTS, cache)
 
-    for each in (cache, unknown):
-        before = prepare(Chained(x=0.0), INPUTS, each)
-        prepare(Chained(x=1.0), INPUTS, each)
-        assert prepare(Chained(x=0.0), INPUTS, each)["third"] is before["third"]
+    prepare(Chained(x=1.0), INPUTS, cache)
+
+    assert prepare(Chained(x=0.0), INPUTS, cache)["third"] is before["third"]
+
+
+def test_a_value_that_is_timed_when_memory_is_freed_stays_in_the_cache(monkeypatch):
+    monkeypatch.setattr("glossbench.shading.stage_cache.MUCH", 0)
+    cache = StageCache(later=lambda: [Chained(x=1.0)])
+    cold = prepare(Chained(x=0.0), INPUTS, cache)
+
+    warm = prepare(Chained(x=0.0), INPUTS, cache, patience=1e-6)
+
+    assert warm["first"] is cold["first"]
+    assert all(prepare(Chained(x=0.0), INPUTS, cache)[name] is warm[name] for name in warm)
+    warm["first"].value.numpy()[0] = 99
+    with pytest.raises(MethodError, match="'first'"):
+        cache.check("mine")
 
 
 def test_the_cache_drops_nothing_that_a_running_method_uses():
