@@ -157,7 +157,8 @@ def _compare_errors(before: Sequence[Row], after: Sequence[Row], column: str) ->
     shares = [{sample.reference for sample in side} for side in sides]
     seeds = [[sample.seed for sample in side] for side in sides]
     return Change(
-        pair[0][0], pair[1][0], column, a, b, estimate(_divide_sizes, sides), shares_noise=shares[0] == shares[1],
+        pair[0][0], pair[1][0], column, a, b, estimate(_divide_sizes, sides, is_log=True),
+        shares_noise=shares[0] == shares[1],
         has_noise=all(len(sample.values) > 1 for side in sides for sample in side),
         is_one_seed=any(own[0] is not None and len(own) == 1 for own in seeds),
     )  # fmt: skip

@@ -6,6 +6,9 @@ of one reference lose the same group at the same time, so that the noise that th
 References are independent of each other, and so is the choice of random points: their variances v are added, and the
 degrees of freedom are (sum of v)^2 / sum of (v^2 / (G - 1)).
 
+The bias is the first order of what noise does to a number. At the noise floor it may be several times the number, and a
+ratio of two RMS errors without it would be negative. A comparison whose bias is more than half of it is not resolved.
+
 Source: Welch 1947 and Satterthwaite 1946 (degrees).
 """
 
@@ -75,8 +78,12 @@ Sides = Sequence[Sequence[Sample]]  # each side of a comparison is one cell, or 
 Statistic = Callable[[Sequence[Floats]], float]  # takes the values of each side
 
 
-def estimate(statistic: Statistic, sides: Sides) -> Estimate:
-    """A number computed from cells, with the noise of their references and the spread over their seeds."""
+def estimate(statistic: Statistic, sides: Sides, is_log: bool = False) -> Estimate:
+    """A number computed from cells, with the noise of their references and the spread over their seeds.
+
+    Args:
+        is_log: the number is the logarithm of a ratio.
+    """
     value = statistic([np.array([sample.values[0] for sample in side]) for side in sides])
     of_groups, of_seeds = _without_groups(statistic, sides), _without_seeds(statistic, sides)
     moved = [again for again in (*of_groups, *of_seeds) if set(again) != {value}]
@@ -84,12 +91,20 @@ def estimate(statistic: Statistic, sides: Sides) -> Estimate:
         return Estimate(value, math.inf if moved else 0.0)
     # Fewer seeds do not bias a mean, so that the bias comes only from the groups of references.
     bias = sum(jackknife(value, again)[0] for again in of_groups if again in moved)
+    is_positive = min(value, *chain(*of_groups)) >= 0 if of_groups else False
+    if len(sides) > 1 and (is_log or is_positive) and is_too_large(bias, value, is_log):
+        return Estimate(value, math.inf)
     parts = [(jackknife(value, again)[1], len(again) - 1) for again in moved]
     total = sum(variance for variance, _ in parts)
     if total == 0:
         return Estimate(value - bias)
     degrees = total**2 / sum(variance**2 / n for variance, n in parts)
     return Estimate(value - bias, math.sqrt(total), degrees)
+
+
+def is_too_large(bias: float, value: float, is_log: bool) -> bool:
+    """Whether a bias is more than half of a ratio; of a logarithm, more than log 2."""
+    return abs(bias) > (math.log(2) if is_log else value / 2)
 
 
 def estimate_metric(row: Mapping[str, Any], metric: str) -> Estimate:

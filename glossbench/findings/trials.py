@@ -22,7 +22,7 @@ from scipy.special import stdtrit
 
 from glossbench.columns import CONDITIONS
 from glossbench.findings.costs import NEGLIGIBLE, read_named_cost
-from glossbench.findings.estimates import CONFIDENCE
+from glossbench.findings.estimates import CONFIDENCE, is_too_large
 from glossbench.study.claims import SEED
 from glossbench.study.labels import (
     distinguish_rows,
@@ -243,8 +243,10 @@ def _measure_shifts(rows: Sequence[Row], metric: str) -> _Shifts:
     shifts: dict[tuple[Any, ...], Floats] = {}
     bias = 0.0
     if without:
-        bias = jackknife(whole, without)[0]
-        shifts["reference", str(rows[0].get("reference_key"))] = _scale(without)
+        bias, shift = jackknife(whole, without)[0], _scale(without)
+        if is_too_large(bias, whole, is_log=True):  # at the noise floor: the standard error is the bias
+            shift, bias = np.full(len(without), abs(bias) / len(without) ** 0.5), 0.0
+        shifts["reference", str(rows[0].get("reference_key"))] = shift
     if len(rows) > 1:
         others = (values[:, 0].sum() - values[:, 0]) / (len(rows) - 1)
         seeds = tuple(row["options"].get(SEED) for row in rows)

@@ -12,6 +12,7 @@ from torch import Tensor
 from glossbench.brdf.ggx import GGX
 from glossbench.envmap.lights.light import LIGHTS
 from glossbench.findings.comparisons import EQUAL, FAILS, HOLDS, Side, judge_lower
+from glossbench.findings.comparisons import NOISE as UNRESOLVED
 from glossbench.findings.estimates import Estimate, Sample, estimate
 from glossbench.metrics import METRICS
 from glossbench.scene.points import image_of
@@ -154,3 +155,24 @@ def test_a_metric_without_its_bias_is_that_against_the_sum():
 
 def test_a_metric_with_its_bias_is_too_large():
     assert standard_errors_off([each[0] for each in against_samples_and_sum()[0]]) > 3.5
+
+
+# At the noise floor: the values of two cells under constant light, whose errors are 0.01 and 0.25 of the stated error.
+
+AT_FLOOR = [5.6e-5, *[2.82e-3] * 4, *[2.84e-3] * 4], [1.27e-3, *[3.30e-3] * 4, *[2.90e-3] * 4]
+
+
+def test_a_ratio_at_the_noise_floor_is_not_resolved():
+    """Without its bias this ratio would be -6, and 'holds' the verdict."""
+    found = [estimate(lambda sides: float(sides[0][0] / sides[1][0]), [[Sample(side, "r")] for side in pair])
+             for pair in (AT_FLOOR, AT_FLOOR[::-1])]  # fmt: skip
+
+    assert [each.is_unresolved(1) for each in found] == [True, True]
+    assert verdicts([AT_FLOOR, AT_FLOOR[::-1]]) == [UNRESOLVED, UNRESOLVED]
+
+
+def test_a_reference_with_a_hundredth_of_the_noise_resolves_it():
+    """Noise lifts an RMS by its square."""
+    pair = tuple([found[0], *(found[0] + (each - found[0]) / 100**2 for each in found[1:])] for found in AT_FLOOR)
+
+    assert verdicts([pair, pair[::-1]]) == [HOLDS, FAILS]

@@ -34,8 +34,8 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_noise_of_log_errors_is_that_of_the_jackknife_of_their_difference(case):
-    first, second = ([trial_row(name, **{**own, "left_out": own["left_out"].tolist()}) for own in rows]
-                     for name, rows in zip("ab", CASES[case], strict=True))  # fmt: skip
+    first, second = ([trial_row(name, **{**own, "left_out": (own.get("error", 1.0) * own["left_out"]).tolist()})
+                      for own in rows] for name, rows in zip("ab", CASES[case], strict=True))  # fmt: skip
 
     trials = read_trials([*first, *second], "rms")
     (variance, degrees), errors = trials.noise[0], trials.log_errors[:, 0]
@@ -138,3 +138,16 @@ def test_an_interval_of_a_mean_rank_holds_the_mean_of_all_lights_and_materials()
 
 def replace_keys(condition, light):
     return condition._replace(keys=(light, "m", "v"))
+
+
+def test_at_the_noise_floor_an_error_keeps_its_size_and_is_as_uncertain_as_its_bias():
+    """The bias of its logarithm is 27: without it the error would be e^-37."""
+    floor = trial_row("near", error=5.6e-5, left_out=[2.83e-3] * 8)
+    good, bad = (trial_row(name, error=error, left_out=[error] * 8) for name, error in (("good", 1e-3), ("bad", 1.0)))
+
+    trials = read_trials([floor, good, bad], "rms")
+
+    assert np.exp(trials.log_errors[:, 0]) == pytest.approx([5.6e-5, 1e-3, 1.0])
+    assert trials.noise[0][0][0, 1] ** 0.5 == pytest.approx(7 * log(2.83e-3 / 5.6e-5))
+    assert not trials.orders[0].lower[0].any()
+    assert trials.orders[0].lower[1].tolist() == [False, False, True]
