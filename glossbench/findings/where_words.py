@@ -1,12 +1,17 @@
 """The words that say where a case of a claim was compared: its light, material, view, options, and sides."""
 
-import re
 from collections.abc import Callable, Sequence
 
 
 def split_where(where: str) -> list[str]:
-    """What stands between commas outside of brackets."""
-    return re.split(r", (?![^(\[]*[)\]])", where)
+    """What stands between commas outside of all brackets."""
+    parts: list[str] = []
+    for piece in where.split(", "):
+        if parts and sum(map(parts[-1].count, "([")) > sum(map(parts[-1].count, ")]")):
+            parts[-1] += f", {piece}"
+        else:
+            parts.append(piece)
+    return parts
 
 
 def make_shortener(words: Sequence[Sequence[str]]) -> Callable[[str], str]:
