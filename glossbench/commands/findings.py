@@ -43,8 +43,8 @@ def findings(
     folders = sorted(path.parent for path in kept.glob("*/claims.json"))
     if not folders:
         raise InputError(f"no results are named, and {kept} holds no summaries")
-    earlier = kept / "earlier.md"
-    text = earlier.read_text(encoding="utf-8") if earlier.is_file() else ""
+    remarks = kept / "remarks.md"
+    text = remarks.read_text(encoding="utf-8") if remarks.is_file() else ""
     output.parent.mkdir(parents=True, exist_ok=True)
     with replacing(output) as part:
         part.write_text(compose_page([Summary.read(f) for f in folders], find_study_files(), text), encoding="utf-8")

@@ -89,12 +89,10 @@ def test_studies_without_a_summary_are_listed():
     assert page.endswith("## Studies without a summary\n\n- `two`\n")
 
 
-def test_an_earlier_verdict_on_a_study_that_has_a_summary_is_left_out():
-    earlier = "## Earlier\n\n| study | verdict |\n|---|---|\n| `one` | a |\n| | b |\n| `two` | c |\n| | d |\n\nEnd.\n"
+def test_remarks_come_last():
+    page = compose_page([summary("one")], ["two"], "## Remarks\n\nA remark.\n")
 
-    page = compose_page([summary("one")], (), earlier)
-
-    assert page.endswith("## Earlier\n\n| study | verdict |\n|---|---|\n| `two` | c |\n| | d |\n\nEnd.\n")
+    assert page.endswith("- `two`\n\n## Remarks\n\nA remark.\n")
 
 
 def test_a_summary_is_read_as_it_was_written(tmp_path):
@@ -124,7 +122,7 @@ def committed():
     """The page that the committed summaries give."""
     kept = DOCS / "findings"
     summaries = [Summary.read(path.parent) for path in sorted(kept.glob("*/claims.json"))]
-    return compose_page(summaries, find_study_files(), (kept / "earlier.md").read_text(encoding="utf-8"))
+    return compose_page(summaries, find_study_files(), (kept / "remarks.md").read_text(encoding="utf-8"))
 
 
 def test_the_committed_page_is_that_of_the_committed_summaries():
