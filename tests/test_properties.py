@@ -261,7 +261,7 @@ def test_a_lookup_is_continuous_across_any_edge(light, seed, mip_filter, lod, ed
 @pytest.mark.parametrize("edge", range(12))
 def test_the_seam_would_show_without_the_neighbours_texels(monkeypatch, edge):
     """Twin of the above: borders that repeat the face's own texels."""
-    monkeypatch.setattr("glossbench.envmap.pyramid.add_border", repeat_edge)
+    monkeypatch.setattr("glossbench.prefilter.pyramids.add_border", repeat_edge)
 
     assert jump(random_light(1, 3, 1.0), 2, "gauss4", 0.5, edge) > 10
 
