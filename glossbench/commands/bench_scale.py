@@ -18,7 +18,7 @@ from glossbench.errors import InputError
 from glossbench.memory import read_peak
 from glossbench.prefilter.filtered_samples import filtered_samples
 from glossbench.prefilter.pyramids import build_pyramid
-from glossbench.run.executor import Progress
+from glossbench.run.progress import Progress
 from glossbench.run.runner import run_study
 from glossbench.scene.points import ShadingPoints
 from glossbench.shading.kernels import over_points

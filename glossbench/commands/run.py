@@ -73,7 +73,7 @@ def run(
     from rich.progress import Progress as Bar
 
     from glossbench.plugins import find_origin
-    from glossbench.run.executor import Progress
+    from glossbench.run.progress import Progress
     from glossbench.run.runner import run_study
     from glossbench.study.study import load_study
 

@@ -9,8 +9,9 @@ from typing import Any
 from glossbench.errors import InputError
 from glossbench.process.surroundings import settled
 from glossbench.run.cell_keys import Identity
-from glossbench.run.executor import Executor, Progress
+from glossbench.run.executor import Executor
 from glossbench.run.kernel_choices import KernelChoices
+from glossbench.run.progress import Progress
 from glossbench.run.rates import measure_memory
 from glossbench.run.results import Results
 from glossbench.run.store import Store
@@ -114,7 +115,7 @@ def execute(
     with settled(), choosing(KernelChoices(store).choose):
         for task in batch.tasks:
             if batch.has_reference:
-                executor.trust(task.known.reference_key)
+                executor.references.trust(task.known.reference_key)
             rows.append(executor.run(task.cell, task.known, task.rerun_failed))
             tell(task, rows[-1])
             if batch.is_first and rows[-1]["status"] == "done":

@@ -122,7 +122,7 @@ def _receive(orders: IO[bytes], waiting: "SimpleQueue[Order]") -> None:
 
 def _answer(order: Order, answers: IO[bytes], kept: dict[str, Any]) -> None:
     from glossbench.run.batches import Row, Task, execute
-    from glossbench.run.executor import Progress
+    from glossbench.run.progress import Progress
 
     def send(*message: Any) -> None:
         pickle.dump(message, answers)

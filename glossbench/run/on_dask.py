@@ -16,7 +16,7 @@ from typing import Any
 from glossbench.errors import InputError
 from glossbench.run.batches import Batch, Row, Settings, Task
 from glossbench.run.cell_process import Order
-from glossbench.run.executor import Progress
+from glossbench.run.progress import Progress
 from glossbench.run.rates import Spent
 from glossbench.run.store import Store
 from glossbench.run.travel import Plugins

@@ -25,12 +25,13 @@ from glossbench.provenance import collect_provenance
 from glossbench.run.attempts import FOLDER as MARKS
 from glossbench.run.batches import Settings, Task, plan
 from glossbench.run.cell_keys import Identity
-from glossbench.run.executor import Executor, Progress
+from glossbench.run.executor import Executor
 from glossbench.run.folder import Folder
 from glossbench.run.kernel_calls import bound_pairs, calls_of
 from glossbench.run.kernel_choices import KernelChoices
 from glossbench.run.manifest import make_entry
 from glossbench.run.on_dask import check_address, run_on_dask
+from glossbench.run.progress import Progress
 from glossbench.run.rates import Spent, check_fits, measure_memory, remember
 from glossbench.run.reservation import reserved
 from glossbench.run.results import Results
@@ -121,7 +122,7 @@ def run_study(
                 tasks = [task for task in tasks if task.known.error is not None]
             with choosing(choices.choose):
                 tasks.sort(key=lambda task: task.known.ended)  # cells that ended the process come last
-                executor.expect(task.cell for task in tasks if task.place not in kept)
+                executor.stages.expect(task.cell for task in tasks if task.place not in kept)
                 for task in tasks:
                     rows[task.place] = executor.run(task.cell, task.known, rerun_failed)
                     progress.cell(rows[task.place])

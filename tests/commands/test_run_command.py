@@ -219,7 +219,7 @@ def test_a_dry_run_says_which_cells_are_done_and_which_have_failed(call, results
 
 def test_an_interrupt_ends_with_130_and_one_line(call, monkeypatch):
     monkeypatch.setattr(
-        "glossbench.run.executor.compute_reference", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt)
+        "glossbench.run.references.compute_reference", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt)
     )
 
     code, _, err = call("run", "tiny.yaml")
@@ -229,7 +229,7 @@ def test_an_interrupt_ends_with_130_and_one_line(call, monkeypatch):
 
 
 def test_an_interrupted_process_ends_with_130(here):
-    code = "import os, signal, time, glossbench.run.executor as r\n" \
+    code = "import os, signal, time, glossbench.run.references as r\n" \
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n" \
         "r.compute_reference = lambda *a: (os.kill(os.getpid(), signal.SIGINT), time.sleep(60))\n" \
         "from glossbench.commands.cli import main; main()"  # fmt: skip

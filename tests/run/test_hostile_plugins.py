@@ -422,10 +422,10 @@ def test_native_code_that_lets_no_thread_run_is_ended_with_a_traceback(study_of,
 
 
 def test_the_reference_is_not_under_the_limit(study_of, tmp_path, monkeypatch):
-    from glossbench.run import executor
+    from glossbench.run import references
 
-    really = executor.compute_reference
-    monkeypatch.setattr(executor, "compute_reference", lambda *args: (time.sleep(1.2), really(*args))[1])
+    really = references.compute_reference
+    monkeypatch.setattr(references, "compute_reference", lambda *args: (time.sleep(1.2), really(*args))[1])
 
     results = run_study(study_of(limit=1), tmp_path / "r", progress=Progress())
 

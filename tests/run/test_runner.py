@@ -431,7 +431,7 @@ def test_the_same_study_computes_nothing_again(study_of, tmp_path, monkeypatch):
     run_study(study, tmp_path / "r")
     before = remains(tmp_path / "r")
     CALLS.clear()
-    monkeypatch.setattr("glossbench.run.executor.compute_reference", None)
+    monkeypatch.setattr("glossbench.run.references.compute_reference", None)
 
     run_study(study, tmp_path / "r")
 
@@ -449,12 +449,12 @@ def test_a_run_that_computes_nothing_leaves_the_times_and_versions_of_the_one_th
 
 
 def test_without_the_cache_all_is_computed_again_and_a_reference_once(study_of, first_again, monkeypatch):
-    from glossbench.run import executor
+    from glossbench.run import references
 
     before = remains(first_again)
     made = []
-    really = executor.compute_reference
-    monkeypatch.setattr(executor, "compute_reference", lambda *args: made.append(args) or really(*args))
+    really = references.compute_reference
+    monkeypatch.setattr(references, "compute_reference", lambda *args: made.append(args) or really(*args))
 
     run_study(study_of(), first_again, use_cache=False)
 
