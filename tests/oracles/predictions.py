@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from glossbench.commands.printing import say
-from glossbench.run import executor, measuring, rates, runner
+from glossbench.run import executor, measuring, rates, references, runner
 from glossbench.shading import stage_cache
 from glossbench.study.study import Study, load_study
 
@@ -59,7 +59,7 @@ def main() -> None:
     names = given.studies or STUDIES
     rates.cache_folder = lambda: given.folder / "cache"
     runner.EAGER_RATE = float("inf")
-    for module in (executor, measuring, stage_cache):
+    for module in (executor, measuring, references, stage_cache):
         module.time = SimpleNamespace(perf_counter=time.process_time)
     measured(cut(load_study(names[0]), SMALL[0]), given.folder / "first")
     (given.folder / "cache" / "rates.json").unlink()

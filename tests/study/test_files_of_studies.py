@@ -9,7 +9,7 @@ import glossbench as gb
 from glossbench.brdf.measured import cornell
 from glossbench.commands.cli import app
 from glossbench.errors import InputError
-from glossbench.run import executor
+from glossbench.run import references
 from glossbench.run.runner import run_study
 from glossbench.study.cells import to_text
 from glossbench.study.study import load_study
@@ -203,7 +203,7 @@ def test_a_file_replaced_while_its_cell_is_measured_stops_the_run_and_leaves_no_
         return compute_reference(*arguments)
 
     with monkeypatch.context() as patched:
-        patched.setattr(executor, "compute_reference", replacing)
+        patched.setattr(references, "compute_reference", replacing)
         with pytest.raises(InputError, match="a file of mesh has changed while the study ran; run it again"):
             run_study(loaded, Path("results"))
 
